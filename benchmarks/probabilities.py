@@ -216,7 +216,7 @@ def row(problem: Problem, samples: int, seeds: int) -> dict[str, Any]:
         "mean": float(f"{np.mean([of.estimate.probability for of in every]):.5g}"), "held": int(sum(held)),
         "seeds": seeds,
         "check_agrees": sum(of.check is COMPLETE for of in every),
-        "histories": round(float(np.mean([of.asked for of in every]))),
+        "histories": round(float(np.mean([of.evaluated_count for of in every]))),
         **held_intervals(problem, every),
     }  # fmt: skip
 

@@ -12,7 +12,7 @@ from beamsim.analyses.run.layouts import BODIES, EVENTS, HISTORIES
 from beamsim.analyses.run.result import RunResult
 from beamsim.analyses.run.spectra import Label, spectra_of_samples
 from beamsim.analyses.run.summary import spectral_lines
-from beamsim.analyses.studies.responses import limited_response, means
+from beamsim.analyses.studies.responses import limited_response, matches_request
 from beamsim.cases import CaseOutcome
 from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.results.values import with_verdicts
@@ -175,7 +175,7 @@ def solved_case(
     """
     margins = {}
     for name, limit in limits.items():
-        found = [x for response, x in values.items() if means(limited_response(name), response)]
+        found = [x for response, x in values.items() if matches_request(limited_response(name), response)]
         value = max(found, default=float("nan"))
         lowest, highest = (changes or {}).get(name, (value, value))
         margins[name] = {"limit": limit, "value": value, "lowest": lowest, "highest": highest, "at": ""}

@@ -128,11 +128,11 @@ def _comments(found: PadNumbers) -> Iterator[str]:
         if value is not None:
             yield f"{label}: {amount(value, unit)}"
     if found.maxwell:
-        yield "the misfit is that of curve and branches under the measured deflection; at other frequencies they have"
+        yield "the misfit is that of curve and branches under the measured deflection; at other frequencies:"
         for frequency, stiffness, loss in found.dynamic:
             yield f"  {amount(frequency, 'Hz')}: stiffness {amount(stiffness, 'N/m')}, loss factor {loss:.2g}"
         fast = found.stiffness + sum(branch.stiffness for branch in found.maxwell)
-        yield f"and in an impact {amount(fast, 'N/m')}; the loop tells no more than ten times its own frequency"
+        yield f"and in an impact {amount(fast, 'N/m')}; the loop shows no more than ten times its own frequency"
     yield from found.remarks
     if found.loss_factor and not found.dashpot and not found.maxwell:
-        yield "no dashpot: give --frequency, at which it shall have this loss factor"
+        yield "no dashpot: give --frequency, at which the pad has this loss factor"

@@ -8,7 +8,7 @@ from typing import Any
 
 from beamsim.analyses.studies.dependence import SIDES
 from beamsim.analyses.studies.objectives import objectives
-from beamsim.analyses.studies.responses import limited_response, means
+from beamsim.analyses.studies.responses import limited_response, matches_request
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.worst import SAMPLED
 from beamsim.cli.screens import SHOWN, Screen, margins, round_with_unit
@@ -322,7 +322,7 @@ def _deciding_responses(result: StudyResult) -> list[str]:
     asked = [limited_response(name) for name in result.limits]
     asked += [name for objective in objectives(result.scenario) for name, _ in objective.terms]
     asked = asked or [value.name for value in VALUES if value.in_sweeps]
-    return list(dict.fromkeys(name for each in asked for name in result.responses if means(each, name)))
+    return list(dict.fromkeys(name for each in asked for name in result.responses if matches_request(each, name)))
 
 
 def _parameters(result: StudyResult, values: Mapping[str, Any]) -> dict[str, str]:

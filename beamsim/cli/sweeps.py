@@ -208,9 +208,9 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
         return
     for name in _DESIGNS if plan.searches else ():
         check_writable(_design_file(target, name))
-    count = plan.most * plan.study.realisations.count
+    count = plan.most_cases * plan.study.realisations.count
     cases = f"at most {count}" if plan.searches else f"{count}"
-    most_further = plan.study.realisations.most_further if plan.study.realisations.judged_by_worst else 0
+    most_further = plan.study.realisations.most_further_cases if plan.study.realisations.judged_by_worst else 0
     further = f" and at most {most_further} further ones for the worst" if most_further else ""
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=options.resume) as journal, interruptible() as interrupted:

@@ -15,10 +15,10 @@ from beamsim.scenario import load_scenario, template
 # analyses of short forms of the templates: between them they call every kernel
 CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("run", "beam", {}),
-    ("run", "random", {"run.duration": "1 s"}),
+    ("run", "random", {"run.duration": "0.1 s", "run.spectrum.last": "0.05 s"}),
     ("sweep", "sweep", {"sweep.to": "22 Hz", "sweep.direction": "up", "sweep.levels": ["0.5 g"]}),
     ("continuation", "sweep", {"sweep": {"kind": "continuation", "from": "20 Hz", "to": "22 Hz"}}),
-    ("nnm", "nnm", {}),
+    ("nnm", "nnm", {"nnm.continue_in.to": "0.1 mJ"}),
 )
 
 

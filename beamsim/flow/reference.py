@@ -48,6 +48,7 @@ SAME_INSTANT = 16.0 * float(np.finfo(float).eps)  # of a time: shorter pieces ha
 DECAYED = 1e-16  # of the amplitude of an input: what has decayed to that moves nothing
 REAL_ROOT = 1e-6  # imaginary part: a double root is known to the root of round-off; a cut at no root does no harm
 PEAKS = 1e-10  # of the value, to which peaks are located
+STEPS_AT_ONCE = 256  # whose outputs are evaluated together
 _POINTS = chebyshev.chebpts2(DEGREE + 1)  # from -1 to 1
 _COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_POINTS, DEGREE))
 
@@ -312,8 +313,11 @@ class _Equations:
         """(nt, N + 2 F) what outputs are linear in: states (nt, N), inputs and their slopes."""
         tau, exponent, power = (times - self.since)[:, None], self.flow.sources.exponent, self.flow.sources.power
         growth = self.amplitude * np.exp(exponent * tau)
-        inputs = growth * tau**power
-        slopes = exponent * inputs + power * growth * tau ** np.maximum(power - 1, 0)
+        if power.any():
+            inputs = growth * tau**power
+            slopes = exponent * inputs + power * growth * tau ** np.maximum(power - 1, 0)
+        else:
+            inputs, slopes = growth, exponent * growth
         return np.concatenate([y[:, : self.flow.size], inputs.real, slopes.real], axis=1)
 
     def _pulls(self, t: float, y: Floats) -> tuple[Floats, float]:
@@ -488,12 +492,15 @@ class StepExtremes:
         outputs : takes times (nt,) and states (nt, N + 2) and returns values (nt, K).
         """
         assert piece.sol is not None
-        for step, start, end in zip(piece.sol.interpolants, piece.t[:-1], piece.t[1:], strict=True):
-            times = start + 0.5 * (end - start) * (1.0 + _POINTS)
-            values = outputs(times, step(times).T)
+        for first in range(0, len(piece.sol.interpolants), STEPS_AT_ONCE):
+            ends = piece.t[first : first + STEPS_AT_ONCE + 1]
+            times = ends[:-1, None] + 0.5 * np.diff(ends)[:, None] * (1.0 + _POINTS)
+            steps = piece.sol.interpolants[first : first + STEPS_AT_ONCE]
+            y = np.concatenate([step(at).T for step, at in zip(steps, times, strict=True)])
+            values = outputs(times.ravel(), y).reshape(*times.shape, -1)
             if self.found is None:
-                count = values.shape[1]
-                self.found = Extremes(*(np.full(count, x) for x in (np.inf, start, -np.inf, start)))
+                found = (np.full(values.shape[2], x) for x in (np.inf, ends[0], -np.inf, ends[0]))
+                self.found = Extremes(*found)
             low, when_low, high, when_high = self.found
             _raise(-low, when_low, -values, times, low, -1.0)
             _raise(high, when_high, values, times, high, 1.0)
@@ -502,27 +509,31 @@ class StepExtremes:
 def _raise(
     largest: Floats, largest_times: Floats, values: Floats, times: Floats, values_of_sign: Floats, sign: float
 ) -> None:
-    """Take the largest values of a step into those known.
+    """Take the largest values of some steps into those known.
 
     Parameters
     ----------
     largest : (K,) largest values so far.
     largest_times : (K,) s, their times; written.
-    values, times : (DEGREE + 1, K) at the Chebyshev points, and (DEGREE + 1,) s.
+    values, times : (steps, DEGREE + 1, K) at the Chebyshev points, and (steps, DEGREE + 1) s.
     values_of_sign, sign : (K,) written with the sign.
     """
-    best = values.argmax(axis=0)
-    top = np.take_along_axis(values, best[None], axis=0)[0]
+    samples = values.reshape(-1, values.shape[2])
+    best = samples.argmax(axis=0)
+    top = np.take_along_axis(samples, best[None], axis=0)[0]
     coefficient = _COEFFICIENTS @ values
-    bound = coefficient[0] + np.abs(coefficient[1:]).sum(axis=0)
+    bound = coefficient[:, 0] + np.abs(coefficient[:, 1:]).sum(axis=1)
     higher = np.flatnonzero(top > largest)
-    largest[higher], largest_times[higher] = top[higher], times[best[higher]]
-    for k in np.flatnonzero(bound > largest + PEAKS * np.abs(largest)).tolist():
-        slope = chebyshev.chebder(coefficient[:, k])
+    largest[higher], largest_times[higher] = top[higher], times.ravel()[best[higher]]
+    for step, k in np.argwhere(bound > largest + PEAKS * np.abs(largest)).tolist():
+        if bound[step, k] <= largest[k] + PEAKS * abs(largest[k]):  # another step has a higher value
+            continue
+        slope = chebyshev.chebder(coefficient[step, :, k])
         roots = chebyshev.chebroots(chebyshev.chebtrim(slope, float(np.finfo(float).eps) * np.abs(slope).max()))
         inside = roots.real[np.abs(roots.real) < 1.0]
-        tops = chebyshev.chebval(inside, coefficient[:, k])
+        tops = chebyshev.chebval(inside, coefficient[step, :, k])
         if tops.size and tops.max() > largest[k]:
             largest[k] = tops.max()
-            largest_times[k] = times[0] + 0.5 * (times[-1] - times[0]) * (1.0 + inside[tops.argmax()])
+            begin, end = times[step, [0, -1]]
+            largest_times[k] = begin + 0.5 * (end - begin) * (1.0 + inside[tops.argmax()])
     values_of_sign[:] = sign * largest

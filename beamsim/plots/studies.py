@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import ParameterColumn
-from beamsim.analyses.studies.responses import means, place_of, quantity_of
+from beamsim.analyses.studies.responses import matches_request, place_of, quantity_of
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.statistics import varies
 from beamsim.analyses.studies.worst import SAMPLED
@@ -63,7 +63,7 @@ def shown_quantities(result: StudyResult) -> list[str]:
     ranked = [q for q in SHOWN if q in known] + [q for q in known if _peak_of_output(q)]
     ranked += [q for q in known if q not in ranked and "/" not in q][: max(3 - len(ranked), 0)]
     terms = [name for objective in objectives(result.scenario) for name, _ in objective.terms]
-    asked = {_quantity(name) for term in terms for name in result.responses if means(term, name)}
+    asked = {_quantity(name) for term in terms for name in result.responses if matches_request(term, name)}
     limited = [q for q in ranked if q in asked or _limit(result, q) is not None]
     ranked = limited + [q for q in ranked if q not in limited]
     varying = [q for q in ranked if any(varies(result.responses[name].values) for name in _of(result, q))]
@@ -377,7 +377,7 @@ def search_chart(result: StudyResult, objective: str) -> Chart:
     )
     dots: dict[str, Any] = {"linestyle": "none", "markersize": 3}
     meets = np.isfinite(values) & _passing(result)
-    largest = next(aim.largest for aim in objectives(result.scenario) if aim.name == objective)
+    largest = next(aim.maximised for aim in objectives(result.scenario) if aim.name == objective)
     tried = np.where(meets & (number > 1.0), values, -np.inf if largest else np.inf)  # the first one is as it is
     best = (np.maximum if largest else np.minimum).accumulate(tried)
     curves = [

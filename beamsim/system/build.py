@@ -672,7 +672,7 @@ def _start_field(
         if error > 1e-6:
             where = f"bodies.{name}.{quantity}" if len(model.structure.members) > 1 else quantity
             warnings.append(
-                f"run.start.{where} is met by the reduced model to a relative error of {error:.2g} only: "
-                "it breaks the supports' conditions or needs more modes (reduction: {modes: all})"
+                f"run.start.{where} has a relative error of {error:.2g} in the reduced model: "
+                "it violates the conditions of the supports, or needs more modes (reduction: {modes: all})"
             )
     return field

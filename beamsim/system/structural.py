@@ -496,8 +496,7 @@ def _loads(model: ReducedModel) -> Floats:
 SMALLEST_EFFECT = 1e-3
 _WITHOUT_EFFECT = "closed no natural frequency is more than 0.1 % higher: the stiffness has no effect"
 _UNDAMPED = (
-    "nothing is damped: what an excitation puts in stays, and no motion becomes steady; give each body damping, for "
-    "example {kind: modal, ratio: 1 %}"
+    "nothing is damped, so no motion becomes steady; give each body damping, for example {kind: modal, ratio: 1 %}"
 )
 FARTHEST_MODE = 100.0
 """Frequency of the first mode, over the highest of the excitation, above which the case is probably another one."""

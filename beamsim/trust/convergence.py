@@ -486,20 +486,18 @@ def _divergence_outcome(result: Result, convergence: Convergence) -> Outcome:
     if not times.sensitive:
         return Outcome.of(
             OutcomeKind.COMPLETE, "contacts_diverge",
-            f"the finer model, also integrated in time, has different contacts after {time:.4g} s: "
-            f"{numbers_text(value_names)} depend on the motion after that",
+            f"the finer model, also stepped in time, has other contacts from {time:.4g} s on: "
+            f"{numbers_text(value_names)} depend on what follows",
             remedy=f"lower run.rtol below {relative_tolerance(run):g}, "
             f"{_finer_model_remedy(result, convergence.first_modes)}, or take means of a longer run",
             time=time, values=value_names,
         )  # fmt: skip
     sentence = (
-        f"the motion is so sensitive that after {time:.4g} s it is one of many: {numbers_text(value_names)} depend on "
-        "the motion after that"
+        f"the motion is so sensitive that from {time:.4g} s on it is one of many possible ones: "
+        f"{numbers_text(value_names)} depend on what follows"
     )
     if math.isfinite(times.small_change_s):
-        sentence += (
-            f"; a relative stiffness change of 1e-9 changes the contact sequence after {times.small_change_s:.4g} s"
-        )
+        sentence += f"; a relative stiffness change of 1e-9 changes the contacts after {times.small_change_s:.4g} s"
     if math.isfinite(times.round_off_s):
         sentence += f", round-off after {times.round_off_s:.4g} s"
     of = "rms, contact share" + (", run.impacts" if run.impacts is None else "")

@@ -94,12 +94,14 @@ def _with_comparison(result: RunResult, comparison: Mapping[str, Any]) -> RunRes
     until, outcome, warnings = comparison["agrees_until_s"], result.outcome, result.warnings
     if (difference := comparison["largest_state_difference"]) > ALLOWED_ERROR:
         apart = f"displacements differ by {100 * difference:.2g} % from the {comparison['method']}"
-        remedy = "compare again with a smaller tolerance, reference:1e-10: what then remains is an error of the run"
+        remedy = (
+            "compare again with a smaller tolerance, reference:1e-10; a difference that remains is an error of the run"
+        )
         outcome = outcome.copy_with(Outcome.of(OutcomeKind.UNTRUSTED, "differs_from_reference", apart, remedy=remedy))
     if until < result["histories"]["time"].values[-1]:
         warnings += (
-            f"--against: from {until:.4g} s on run and reference have different contacts; compare again with a smaller "
-            "tolerance, reference:1e-10: for a sensitive motion this time grows, for an error it stays",
+            f"--against: from {until:.4g} s on, run and reference have different contacts; compare again with a "
+            "smaller tolerance, reference:1e-10: with a sensitive motion they agree longer, with an error they do not",
         )
     return replace(result, warnings=warnings).with_outcome(outcome)
 

@@ -243,7 +243,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress 
         errors, lines = _with_lines(derived, exact(first.values | derived.reported_values()))
         checked = _with_disturbance(Convergence(errors, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
-        reason = "the run starts from a state of this model, which a finer one does not share"
+        reason = "the run starts from a state of this model, which a finer model does not have"
         checked = _with_disturbance(Convergence(reason=reason), first, derived)
     else:
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)

@@ -24,7 +24,7 @@ from beamsim.analyses.studies.layouts import RUNS
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import Study, StudyPlan, check_cases, design, plan_designs
 from beamsim.analyses.studies.reliability import Exceedance, run_histories, with_probability
-from beamsim.analyses.studies.responses import entries_of, means, responses_of_result
+from beamsim.analyses.studies.responses import entries_of, matches_request, responses_of_result
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.search import search
 from beamsim.analyses.studies.summary import result_of
@@ -97,12 +97,12 @@ class CaseSolver:
 
     def _solve(self, case: Case) -> CaseOutcome:
         """Responses, outcome, margins and warnings of a case."""
-        scenario, asked, analysis = self.study.scenario(case), self.study.asked, self.study.analysis
+        scenario, asked, analysis = self.study.scenario(case), self.study.requested, self.study.analysis
         entries = entries_of(asked, scenario) if analysis == "run" else None
         result = solve_case(scenario, analysis, entries=entries, shared=self.shared)
         values = {} if result.outcome.ended_early else responses_of_result(result)
         if asked:
-            values = {name: x for name, x in values.items() if any(means(each, name) for each in asked)}
+            values = {name: x for name, x in values.items() if any(matches_request(each, name) for each in asked)}
         elif entries is not None:  # a case that is compared is computed completely
             values = {name: x for name, x in values.items() if _of_entry(name) in (*entries, "")}
         margins = result.summary.get("margins", {})
@@ -168,7 +168,7 @@ def design_study(
     else:
         plan = plan_designs(scenario_of(scenario, "sweep"))
         check_cases(plan)
-    known, total = tuple(known), plan.most * plan.study.realisations.count
+    known, total = tuple(known), plan.most_cases * plan.study.realisations.count
     solved_before = len({outcome.index for outcome in known})
     least_time_of_study(plan, solved_before).demand_allowed(most_processors(workers, scheduler))
     # the number of cases of a study of reliability follows from the solved ones
@@ -183,9 +183,9 @@ def design_study(
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
     with stop_requests(stop):
         with Evaluator(
-            worker_pool(computation, total, workers=workers, scheduler=scheduler), most=plan.most,
+            worker_pool(computation, total, workers=workers, scheduler=scheduler), most=plan.most_cases,
             realisations=plan.study.realisations.count, compared=plan.convergence == "on", known=known, each=solved,
-            most_further=plan.study.realisations.most_further,
+            most_further=plan.study.realisations.most_further_cases,
         ) as evaluate:  # fmt: skip
             worst = WorstSearch(plan, evaluate, partial(_changes_within, plan))
             ended, histories = _evaluate_cases(plan, evaluate, progress, worst)
@@ -225,7 +225,7 @@ def _evaluate_cases(
             if plan.convergence is not None or not (chosen := cases_to_compare(plan, evaluate.outcomes)):
                 break
             evaluate.compare(chosen)
-    return (unfinished_search(plan.most) if evaluate.ended == "most_cases" else ended), histories
+    return (unfinished_search(plan.most_cases) if evaluate.ended == "most_cases" else ended), histories
 
 
 def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Changes:
@@ -248,7 +248,7 @@ def _changes_within(plan: StudyPlan, case: int, values: tuple[Value, ...]) -> Ch
     )
     try:
         scenario = with_values(study.scenario(Case(case, values)), {("run", "sensitivities"): numbers}).recheck()
-        result = solve_case(scenario, "run", entries=entries_of(study.asked, scenario))
+        result = solve_case(scenario, "run", entries=entries_of(study.requested, scenario))
     except BeamsimError:
         return {}
     found = result.summary.get("sensitivities", {})

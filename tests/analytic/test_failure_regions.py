@@ -134,4 +134,4 @@ def test_a_limit_that_bends_does_not_begin_again_with_each_new_region():
         estimated(3, lambda u: 1.0 + norm.logsf(u).sum(axis=1) / 14.0, samples=250, seed=seed) for seed in range(4)
     ]
     assert held(every, gamma.sf(14.0, 3)) >= 3
-    assert np.mean([of.asked for of in every]) < 8000
+    assert np.mean([of.evaluated_count for of in every]) < 8000

@@ -73,7 +73,7 @@ def test_cases_of_studies_have_it_where_it_is_asked_for_or_limited():
 def test_the_smallest_preload_that_keeps_contact_is_found():
     """The level grows with the depth to which the stop is pressed in."""
     parameters = "[{path: snubbers.stop.gap, from: -60 mm, to: -1 mm}]"
-    more = f"optimise: {{minimise: stop/static_force, parameters: {parameters}, most_cases: 300}}"
+    more = f"optimise: {{minimise: stop/static_force, parameters: {parameters}, most_cases: 100}}"
     result = beamsim.design_study(case(limits="{gapping: 100 %}", more=more), workers=1)
     depth = 10e-3 * LEVEL / level_of_loss()
     best = result.summary["best"][0]

@@ -166,7 +166,7 @@ def test_a_value_that_many_samples_share_does_not_bias_a_subset_simulation():
 
     origin = sampling.points_at(np.zeros((1, 4)))
     every = [list(sampling.subset_levels(state, np.random.default_rng(k), 1000, origin))[-1] for k in range(40)]
-    found = np.array([level.estimate.probability for level in every if level.edge == 0.0])
+    found = np.array([level.estimate.probability for level in every if level.threshold == 0.0])
     assert found.size == 40
     assert found.mean() == pytest.approx(4e-4, abs=3.5 * found.std() / math.sqrt(40))
 
@@ -275,7 +275,7 @@ def test_measured_numbers_have_the_smooth_distribution_through_them(solved_by, t
         width = math.sqrt((1e3 * number["deviation"].values.item()) ** 2 - data.var())
         assert 0.02 < width < 0.08
         assert of["probability"] == pytest.approx(np.mean(norm.sf((1.35 - data) / width)), rel=1e-3)
-        assert any("beyond what was measured" in warning for warning in result.warnings)
+        assert any("beyond the measured values" in warning for warning in result.warnings)
 
 
 # --- events -----------------------------------------------------------------------------------------------------------

@@ -31,9 +31,9 @@ def panel(*, ratio=0.05, **more):
         for x in (0.6, 1.2)
         for side in ("below", "above")
     ]
-    run = {"duration": "0.06 s"} | more.pop("run", {})
+    run = {"duration": "0.03 s"} | more.pop("run", {})
     pulse = {"kind": "half_sine", "applied_to": "base", "level": "20 g", "duration": "11 ms"}
-    model = {"reduction": {"modes": 21}}
+    model = {"reduction": {"modes": 15}}
     return load_scenario({"beam": PANEL, "snubbers": stops, "excitation": pulse, "run": run, **model, **more})
 
 
@@ -52,11 +52,13 @@ def harmonic_beam(**more):
 
 @pytest.fixture(scope="module")
 def damped():
-    return beamsim.run(panel())
+    """With limits of about half and twice the peak acceleration."""
+    accelerations = {"below_1.2": "60 g", "above_1.2": "240 g"}
+    return beamsim.run(panel(limits={"peak_acceleration": accelerations, "peak_force": "1 MN"}))
 
 
 def test_acceleration_at_a_dashpot_without_mass_grows_with_the_modes_and_says_so(damped):
-    runs = [beamsim.run(panel(reduction={"modes": n}, run={"convergence": "off"})) for n in (6, 10, 15, 25)]
+    runs = [beamsim.run(panel(reduction={"modes": n}, run={"convergence": "off"})) for n in (6, 10, 15)]
     at_tip = [run.summary["peak_acceleration_g"]["below_1.2"] for run in runs]
     assert all(later > 1.3 * earlier for earlier, later in pairwise(at_tip))
 
@@ -202,14 +204,14 @@ def test_a_force_that_changes_by_more_than_half_is_not_reliable():
 
 def test_a_limit_on_a_value_that_grows_with_the_modes_is_neither_met_nor_exceeded(damped):
     """The acceleration at the dashpot has no limit as the modes grow: no level is known to hold it."""
-    value = max(damped.summary["peak_acceleration_g"].values())
-    for level in (0.5 * value, 2.0 * value):
-        limits = {"peak_acceleration": level * 9.80665, "peak_force": "1 MN"}
-        margins = beamsim.run(panel(limits=limits)).summary["margins"]
-        assert margins["peak_acceleration"]["verdict"] == "not reliable"
-        assert not margins["peak_acceleration"]["exceeded"]
-        assert margins["peak_acceleration"]["highest"] == np.inf
-        assert margins["peak_force"]["verdict"] == "ok"
+    margins = damped.summary["margins"]
+    for name, share in (("below_1.2", 0.5), ("above_1.2", 2.0)):
+        margin = margins[f"peak_acceleration.{name}"]
+        assert margin["limit"] == pytest.approx(share * margin["value"], rel=0.3)
+        assert margin["verdict"] == "not reliable"
+        assert not margin["exceeded"]
+        assert margin["highest"] == np.inf
+    assert margins["peak_force"]["verdict"] == "ok"
 
 
 # --- The filter -------------------------------------------------------------------------------------------------------

@@ -58,14 +58,14 @@ def test_one_impact_by_hand(recovers):
     assert ("residual_crush_m" in result.summary) == (not recovers)
 
 
-@pytest.mark.parametrize(("method", "duration"), [("exact", 0.8), ("reference", 0.15)])
+@pytest.mark.parametrize(("method", "duration"), [("exact", 0.8), ("reference", 0.06)])
 @pytest.mark.parametrize("recovers", [False, True])
 def test_inner_loops_are_those_of_a_clipped_spring(recovers, method, duration):
     """Under noise the force is that of a spring between the curves, moved along the same path a sample at a time."""
     psd = [{"frequency": f, "density": 1.0} for f in (5.0, 60.0)]
     result = beamsim.run(case(
         recovers, {"duration": duration, "method": method}, {"gap": -2e-3}, gravity="2 g",
-        excitation={"kind": "random", "applied_to": {"mass": 1}, "psd": psd, "seed": 3},
+        excitation={"kind": "random", "applied_to": {"mass": 1}, "psd": psd, "seed": 3, "period": 2.0},
     ))  # fmt: skip
     x = result["histories"]["snubber_penetration"].sel(snubber="foam").values
     low = forces(LOWER, x, 5000.0) if recovers else 0.0 * x
@@ -147,7 +147,7 @@ def test_events_that_begin_at_round_off_do_not_end_the_time_stepping():
     ]  # fmt: skip
     chain = {"masses": [0.688, 2.68], "springs": [2640.0, 1540.0], "dashpots": [2.13, 2.62], "snubbers": stops}
     run = {"duration": 0.06, "sample_rate": 1000.0, "start": "rest", "convergence": "off"}
-    for level in (25.5, 26.25, 28.5, 31.75, 33.5):
+    for level in (25.5, 31.75):
         ends = [
             beamsim.run(Scenario.model_validate({
                 "chain": chain, "probes": [{"name": "m", "mass": 2}],

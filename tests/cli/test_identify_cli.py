@@ -175,7 +175,10 @@ def test_compare_asks_where_a_single_channel_was_measured(tmp_path):
     np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time (s),sensor (m)", comments="")
     done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv")
     assert done.exit_code == 2
-    assert "the channel sensor (m) is named after none of the probes; say where it was measured: --probe" in done.output
+    assert (
+        "the channel sensor (m) is named after none of the probes; give the place of measurement: --probe"
+        in done.output
+    )
     np.savetxt(tmp_path / "lab.csv", rows, delimiter=",", header="time,mass_2", comments="")
     done = invoke("compare", tmp_path / "run.h5", tmp_path / "lab.csv", "--unit", "m")
     assert done.exit_code == 2

@@ -152,7 +152,7 @@ def test_exit_codes_say_whether_a_design_meets_the_limits():
 def test_an_objective_that_no_design_has_is_refused():
     done = invoke("sweep", "case.yaml", "--workers", 1, "--set", "optimise.minimise=rms_force", "--no-plots")
     assert done.exit_code == 2
-    assert "optimise asks for rms_force, which no design has" in done.output
+    assert "optimise asks for rms_force, but no design has it" in done.output
 
 
 def test_a_search_that_may_try_too_few_designs_says_so():

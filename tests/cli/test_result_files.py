@@ -255,7 +255,7 @@ def test_files_that_cannot_be_read(command, files, tmp_path):
 
 @first_apart("name", 4, CASES)
 @pytest.mark.parametrize("command", [("info",), ("plot",)])
-def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path, monkeypatch):
+def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path, monkeypatch, without_examination):
     """The first group or dataset that is taken away makes the file unreadable, never a traceback."""
     monkeypatch.setattr("beamsim.cli.stored.save_figures", lambda figures, *_: [])  # which takes longer than the rest
     data = files(name).read_bytes()

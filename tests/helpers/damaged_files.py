@@ -1,10 +1,11 @@
 """Sound files of every format that is read, seeded damage to them, and what comes of reading each.
 
-`python -m tests.helpers.damaged_files FORMAT FIRST END` reads damaged files in its own process and prints a line for
-each, within 5 GB and 30 s a file; `outcomes` starts it again behind a file that ends it.
+`python -m tests.helpers.damaged_files FIRST FORMAT:COUNT...` reads damaged files in its own process and prints a line
+for each, within 5 GB and 30 s a file; `outcomes` starts it again behind a file that ends it.
 """
 
 import gzip
+import os
 import signal
 import struct
 import subprocess
@@ -25,6 +26,7 @@ from scipy.sparse import csc_array, save_npz
 from beamsim.analyses.compare_modes.analysis import read_shapes
 from beamsim.analyses.identify.records import sweeps_of
 from beamsim.errors import BeamsimError
+from beamsim.hdf5 import examine
 from beamsim.inputs.measured import limit_curve, read_density, read_profile, target_curve
 from beamsim.matrix_files import read_matrices, write_matrices
 from beamsim.measurements.channels import read_signals
@@ -314,35 +316,67 @@ def outcome(name, raw, number, folder):
     return "read"
 
 
-def outcomes(name, count):
-    """How often each outcome came of ``count`` damaged files of a format, and the numbers of files that went wrong."""
-    found, wrong, first = Counter(), {}, 0
-    while first < count:
-        child = [sys.executable, "-m", "tests.helpers.damaged_files", name, str(first), str(count)]
+def outcomes(counts):
+    """How often each outcome came of damaged files, and what went wrong.
+
+    Parameters
+    ----------
+    counts : dict
+        Number of files by name of the format.
+
+    Returns
+    -------
+    dict
+        A counter of outcomes by format.
+    dict
+        What went wrong, by format and number of the file.
+    """
+    files = [(name, number) for name, count in counts.items() for number in range(count)]
+    found, wrong, first = {name: Counter() for name in counts}, {}, 0
+    plan = [f"{name}:{count}" for name, count in counts.items()]
+    while first < len(files):
+        child = [sys.executable, "-m", "tests.helpers.damaged_files", str(first), *plan]
         done = subprocess.run(child, capture_output=True, text=True, check=False)
         lines = done.stdout.splitlines()
-        for number, line in enumerate(lines, first):
-            found[line if line in ("read", "refused") else "wrong"] += 1
+        for (name, number), line in zip(files[first:], lines, strict=False):
+            found[name][line if line in ("read", "refused") else "wrong"] += 1
             if line not in ("read", "refused"):
-                wrong[number] = line
+                wrong[name, number] = line
         first += len(lines)
-        if first < count:
-            found["ended"] += 1
-            wrong[first] = f"ended the process with {done.returncode}: {done.stderr[-300:]}"
+        if first < len(files):
+            wrong[files[first]] = f"ended the process with {done.returncode}: {done.stderr[-300:]}"
             first += 1
     return found, wrong
 
 
-def main(name, first, end):
+def _examined(command, *, timeout=None, **_):
+    """As `subprocess.run` of the examination of an HDF5 file, in a process that need not load the libraries again."""
+    process = os.fork()
+    if not process:
+        signal.alarm(int(timeout))
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        examine(command[-2], float(command[-1]))
+        os._exit(0)
+    code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    return subprocess.CompletedProcess(command, code, b"", b"")
+
+
+def main(first, *plan):
     """Print the outcome of each of some damaged files."""
     import resource  # of Unix alone
 
     resource.setrlimit(resource.RLIMIT_AS, (5 << 30, 5 << 30))
-    with tempfile.TemporaryDirectory() as folder:
-        raw = sound(name, Path(folder))
-        for number in range(int(first), int(end)):
-            signal.alarm(30)
-            print(outcome(name, raw, number, Path(folder)), flush=True)
+    subprocess.run = _examined
+    number = 0
+    for name, count in (each.rsplit(":", 1) for each in plan):
+        skipped, number = max(int(first) - number, 0), number + int(count)
+        if skipped >= int(count):
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            raw = sound(name, Path(folder))
+            for k in range(skipped, int(count)):
+                signal.alarm(30)
+                print(outcome(name, raw, k, Path(folder)), flush=True)
 
 
 if __name__ == "__main__":

@@ -135,7 +135,7 @@ def as_attribute(text, form):
     }[form]
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(
     unit=st.sampled_from([*SIZES]),
     key=st.sampled_from(["unit", "units", "Units", "UNITS", "Unit"]),
@@ -165,7 +165,7 @@ def test_arrays_that_h5py_writes(tmp_path_factory, unit, key, form, packing, fol
     assert any("scale_factor" in each for each in signal.scaling) == ("scale_factor" in attributes)
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(
     unit=st.sampled_from([*SIZES]),
     packing=st.sampled_from(["float64", "float32", "int16"]),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -49,8 +51,11 @@ def next_piece(t, y, direction, duration):
                      dense_output=True)  # fmt: skip
 
 
-def by_hand(times):
-    """Displacements of the mass: it sticks until the force on it exceeds the limit, and slides until it turns."""
+@cache
+def by_hand():
+    """Times up to 2 s, and displacements: the mass sticks until the force exceeds the limit, and slides until it
+    turns."""
+    times = np.linspace(0.0, 2.0, 2001)
     t, y, direction, out = 0.0, np.zeros(2), 0, np.zeros(times.size)
     while t < times[-1]:
         run = next_piece(t, y, direction, times[-1])
@@ -59,22 +64,19 @@ def by_hand(times):
         t, y = float(run.t[-1]), np.array([run.y[0, -1], 0.0])
         force = pull(t, y[0])
         direction = int(np.sign(force)) if direction == 0 or abs(force) > STATIC else 0
-    return out
+    return times, out
 
 
 @pytest.mark.parametrize(
-    ("integrator", "duration"),
-    [
-        ("DOP853", 0.3),
-        *((each, 2.0) for each in ("BDF", "Radau", "DOP853", "LSODA")),
-    ],
+    ("integrator", "rtol"),
+    [("DOP853", 1e-9), ("LSODA", 1e-9), ("BDF", 1e-6), ("Radau", 1e-6)],  # implicit ones take long
 )
-def test_a_face_without_a_spring_as_by_hand(integrator, duration):
+def test_a_face_without_a_spring_as_by_hand(integrator, rtol):
     """A face that stopped and could not hold was missed: 13.98 mm in place of 9.816 mm."""
-    times = np.linspace(0.0, duration, 1 + round(1000 * duration))
-    stepping = reference.TimeStepping(one_mass(duration, (LOAD, OMEGA)), integrator, rtol=1e-9)
-    motion, expected = reference.integrate(stepping, np.zeros(2), times), by_hand(times)
-    assert duration < 2.0 or np.abs(expected).max() == pytest.approx(9.816e-3, rel=1e-3)
+    stepping = reference.TimeStepping(one_mass(2.0, (LOAD, OMEGA)), integrator, rtol=rtol)
+    times, expected = by_hand()
+    motion = reference.integrate(stepping, np.zeros(2), times)
+    assert np.abs(expected).max() == pytest.approx(9.816e-3, rel=1e-3)
     assert motion.outcome.complete
     np.testing.assert_allclose(motion.y[:, 0], expected, atol=1e-4 * np.abs(expected).max())
 
@@ -266,7 +268,7 @@ def test_random_systems(seed):
 
 def test_many_random_systems():
     """At 1e-10 the integrator's error in seed 109 is 3.5e-4 at two times just after contacts; at 1e-12 it is 3e-7."""
-    assert sum(agrees(seed, rtol=1e-12) for seed in range(100, 110)) > 300
+    assert sum(agrees(seed, rtol=1e-12) for seed in (101, 104, 107, 109, 110)) > 300
 
 
 def test_the_comparison_of_random_systems_can_fail(monkeypatch):

@@ -151,7 +151,7 @@ def test_branch_of_doubled_period(curve):
 def test_fold_followed_in_the_level(flow_of, curve):
     problem, _, _, special = curve
     fold = [s for s in special if s.kind == "fold"][1]
-    folds, start = start_of_curve(problem, fold, "level", 1.0, forward=-1)
+    folds, start = start_of_curve(problem, fold, "level", 1.0, sign=-1)
     branch = Branch(folds, start, 0.6, 1.5, Settings(tolerance=1e-9))
     last = list(branch)[-1]
     assert branch.outcome.text == "complete: reached the end of the range at parameter 0.6"
@@ -168,7 +168,7 @@ def test_fold_followed_in_the_gap(flow_of, curve):
     path = straight_path(flow, ContactDirection.of(flow.system.contacts, gap=1.0))
     folds, start = start_of_curve(problem, fold, path, 0.0)
     last = list(Branch(folds, start, -0.1, 0.25, Settings(tolerance=1e-9)))[-1]
-    level, start = start_of_curve(problem, fold, "level", 1.0, forward=-1)
+    level, start = start_of_curve(problem, fold, "level", 1.0, sign=-1)
     other = list(Branch(level, start, 0.8, 1.5, Settings(tolerance=1e-9)))[-1]
     assert last.parameter == 0.25
     assert last.u[-2] == pytest.approx(other.u[-2], abs=1e-8)
@@ -180,7 +180,7 @@ def test_grazing_followed_in_the_level(curve):
     fold = next(s for s in special if s.kind == "fold")
     grazing = next(s for s in special if s.kind == "grazing")
     assert 0 < abs(fold.parameter - grazing.parameter) < 1e-8
-    curve_of_grazings, start = start_of_curve(problem, grazing, "level", 1.0, forward=-1)
+    curve_of_grazings, start = start_of_curve(problem, grazing, "level", 1.0, sign=-1)
     branch = Branch(curve_of_grazings, start, 0.6, 1.5, Settings(tolerance=1e-9))
     points = list(branch)
     assert branch.outcome.text == "complete: reached the end of the range at parameter 0.6"

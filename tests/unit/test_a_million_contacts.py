@@ -50,8 +50,8 @@ print(json.dumps({
 @pytest.mark.parametrize(
     ("run", "memory"),
     [
-        ({"duration": "2500 s", "sample_rate": "100 Hz"}, 3e8),  # 200,000 contacts, 400,000 events
-        ({"duration": "125 s", "sample_rate": "10 kHz"}, 8.2e8),  # 1,250,000 samples
+        ({"duration": "800 s", "sample_rate": "100 Hz"}, 1e8),  # 64,000 contacts, 128,000 events
+        ({"duration": "25 s", "sample_rate": "10 kHz"}, 1.7e8),  # 250,000 samples
     ],
 )
 def test_many_contacts_and_samples_stay_within_the_memory(run, memory):

@@ -336,11 +336,11 @@ def test_a_response_at_another_level_is_warned_of_and_one_to_a_force_refused(sto
     (tmp_path / "a.uff").write_text(response(swept, over=(12, "", "g"), level=G))
     assert invoke("compare", stored, tmp_path / "a.uff", "--level", "2 g", "-o", tmp_path / "c.h5").exit_code == 0
     (warning,) = load(tmp_path / "c.h5").warnings
-    assert "second was measured at 19.61 m/s^2, and the sweep is computed at 9.807 m/s^2" in warning
+    assert "second was measured at 19.61 m/s^2, but the sweep is computed at 9.807 m/s^2" in warning
     (tmp_path / "a.uff").write_text(response(swept, over=(13, "", "N")))
     refused = invoke("compare", stored, tmp_path / "a.uff", "--level", "2 N")
     assert refused.exit_code == 2
-    assert "was measured under an excitation in N, and the sweep is computed under one in m/s^2" in refused.stderr
+    assert "was measured with an excitation in N, but the sweep has an excitation in m/s^2" in refused.stderr
 
 
 @pytest.mark.parametrize("kind", [2, 3, 6, 9, 10, 18, 24])

@@ -292,9 +292,11 @@ def test_a_file_that_ends_the_process_of_hdf5_is_refused(end, message, tmp_path,
     if not message:
         assert len(read_file(path)) == 2
         return
-    for read, error in ((read_file, InputFileError), (load, ResultFileError)):
-        with pytest.raises(error, match=message):
-            read(path)
+    with pytest.raises(InputFileError, match=message):
+        read_file(path)
+    if end != BUSY:  # a second of processor time
+        with pytest.raises(ResultFileError, match=message):
+            load(path)
 
 
 def test_a_universal_file_claims_no_more_values_than_it_can_hold(tmp_path):

@@ -124,7 +124,7 @@ def test_a_file_of_many_cases_is_opened_again(tmp_path):
 
 @first_apart(("name", "picture"), 3, [
         ("curve", "curves"), ("map", "maps"), ("sample", "sensitivity histograms scatter"), ("words", "curves"),
-        ("zip", "curves"), ("map_of_words", "maps"), ("three", "slices scatter"), ("sobol", "histograms scatter"),
+        ("map_of_words", "maps"), ("three", "slices scatter"),
         ("tolerances", "histograms maps"), ("tornado", "sensitivity"),
     ])  # fmt: skip
 def test_pictures(name, picture, tmp_path):

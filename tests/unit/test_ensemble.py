@@ -46,7 +46,7 @@ def test_a_row_is_the_run_of_its_draw(whole):
 
 
 def test_the_number_of_workers_changes_no_bit(scenario, whole):
-    shared = beamsim.ensemble(scenario, DRAWS, workers=3)
+    shared = beamsim.ensemble(scenario, DRAWS, workers=2)
     assert list(shared.table) == list(whole.table)
     for name, column in whole.table.items():
         np.testing.assert_array_equal(shared.table[name], column, err_msg=name)

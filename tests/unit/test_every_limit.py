@@ -27,7 +27,10 @@ ANALYSES = {  # the function, and the case
     "shock": (beamsim.run, SHOCK + "run: {duration: 0.5 s, sample_rate: 1 kHz, srs: {from: 5 Hz, to: 100 Hz}}\n"),
     "random": (beamsim.run, NOISE + "run: {duration: 20 s, sample_rate: 200 Hz}\n"),
     "stepped": (beamsim.sweep, SINE + "sweep: {kind: stepped, from: 2 Hz, to: 4 Hz, points: 3}\n"),
-    "continuation": (beamsim.continuation, SINE + "sweep: {kind: continuation, from: 2 Hz, to: 4 Hz}\n"),
+    "continuation": (
+        beamsim.continuation,
+        SINE + "sweep: {kind: continuation, from: 2.8 Hz, to: 3 Hz, side_branches: none}\n",
+    ),
     "study": (
         beamsim.design_study, SINE + SHORT + "vary: {kind: grid, parameters: [{path: excitation.level, values: [2]}]}\n"
     ),

@@ -12,14 +12,14 @@ from beamsim.flow import exact
 from beamsim.inputs import signal
 from beamsim.trust import convergence
 
-PIECES = 5600  # of the input in 0.14 s
+PIECES = 1400  # of the input in 0.14 s
 
 
 def scenario(**run):
     data = beamsim.load_scenario("configs/one_sided_65hz.yaml").model_dump(
         mode="json", by_alias=True, exclude_none=True
     )
-    edges = [{"frequency": 20.0, "density": 2.0}, {"frequency": 2000.0, "density": 2.0}]
+    edges = [{"frequency": 20.0, "density": 2.0}, {"frequency": 500.0, "density": 2.0}]
     data["excitation"] = {"kind": "random", "applied_to": "base", "seed": 3, "psd": edges}
     data["run"] = {"duration": 0.14, "convergence": "off", "memory": 64e6, **run}
     return beamsim.load_scenario(data)
@@ -28,9 +28,9 @@ def scenario(**run):
 @pytest.fixture(autouse=True, scope="module")
 def small_parts():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(signal, "PIECES_PER_BLOCK", 700)
-        patch.setattr(motion, "FEWEST_PIECES", 256)
-        patch.setattr(motion, "BYTES_A_PIECE", 12800)
+        patch.setattr(signal, "PIECES_PER_BLOCK", 175)
+        patch.setattr(motion, "FEWEST_PIECES", 64)
+        patch.setattr(motion, "BYTES_A_PIECE", 51200)
         yield
 
 
@@ -185,6 +185,6 @@ def test_a_disturbance_is_followed_to_the_end(monkeypatch):
 
 
 def test_too_many_pieces_are_refused_where_a_motion_is_kept(monkeypatch):
-    monkeypatch.setattr("beamsim.inputs.signal.MOST_PIECES", 2000)
+    monkeypatch.setattr("beamsim.inputs.signal.MOST_PIECES", 500)
     with pytest.raises(ScenarioError, match="pieces, too many for this command or method"):
         beamsim.run(scenario(method="reference"))

@@ -2,7 +2,6 @@
 
 import os
 import signal
-from functools import partial
 
 import pytest
 
@@ -94,13 +93,17 @@ def test_a_refusal_ends_it_at_once(workers, tmp_path):
 # --- A Dask cluster --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("how", [*ERRORS, end, kill])
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_cluster_does_the_same(how, threads, tmp_path):
+@pytest.fixture(scope="module")
+def scheduler():
+    """Address of a cluster of two processes; each solves two cases at once, and both are lost with it."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=threads, processes=True, dashboard_address=":0", host="127.0.0.1"
+        n_workers=2, threads_per_worker=2, processes=True, dashboard_address=":0", host="127.0.0.1"
     ) as cluster:
-        solved = partial(results, scheduler=cluster.scheduler_address)
-        assert solved(tmp_path, how) == [(3, ERRORS.get(how, DEATH))]
+        yield cluster.scheduler_address
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("how", [*ERRORS, end, kill])
+def test_a_cluster_does_the_same(how, scheduler, tmp_path):
+    assert results(tmp_path, how, scheduler=scheduler) == [(3, ERRORS.get(how, DEATH))]

@@ -30,10 +30,8 @@ EVERYTHING = {
     1,
     [
         ({"snubbers": ()}, {"contact_force", "force_deflection"}),
-        ({}, set()),
         ({"snubbers": tuple("abcdefgh"), "probes": tuple("pqrstuvw")}, set()),
-        ({"chain": True}, {"deflected_shapes"}),
-        ({"frequency": math.nan}, set()),
+        ({"chain": True, "frequency": math.nan}, {"deflected_shapes"}),
         ({"duration": 0.001, "rate": 1000.0}, {"contact_force", "force_deflection"}),
     ],
 )  # fmt: skip
@@ -115,11 +113,11 @@ def test_thinning_keeps_holes_and_the_extremes_beside_them():
 @pytest.mark.parametrize("loop", [False, True])
 def test_long_curves_are_drawn(loop, tmp_path):
     """Neither a history of many samples nor a loop exceeds what the renderer can take."""
-    phase = 0.7 * np.arange(150_000.0)
+    phase = 0.7 * np.arange(40_000.0)
     curve = Curve("many", np.cos(phase) if loop else phase, np.sin(phase) * np.cos(1.3 * phase))
     picture = Picture("", [Chart(("x", ""), ("y", ""), [curve])])
     (drawn,) = picture.figure().axes[0].get_lines()
-    assert drawn.get_xdata().size == (150_000 if loop else 12_000)
+    assert drawn.get_xdata().size == (40_000 if loop else 12_000)
     assert np.ptp(drawn.get_ydata()) == pytest.approx(np.ptp(curve.y), rel=1e-12)
     (file,) = save_figures({"many": picture}, tmp_path, "case")
     assert file.stat().st_size > 1000

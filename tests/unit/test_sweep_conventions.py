@@ -26,7 +26,7 @@ def curve(excitation, **settings):
     return sweep(load_scenario({**CHAIN, "excitation": excitation, "sweep": {**SWEEP, **settings}})).curves["up_0"]
 
 
-@first_apart("level", 1, ["4 mm", "5 cm/s", "0.1 g"])
+@first_apart("level", 1, ["4 mm", "0.1 g"])
 def test_a_table_of_levels_has_the_sign_of_a_single_level(level):
     """With a stop on one side the motion depends on the sign of the base's; a table of one point is that level."""
     table = {"profile": [{"frequency": "1 Hz", "level": level}]}

@@ -169,9 +169,10 @@ def test_a_stepped_sweep_that_costs_too_much(monkeypatch):
 
 
 def test_a_fit_with_too_few_evaluations(monkeypatch):
+    few = {"identify_stiffness.nonlinear.starts": 1, "identify_stiffness.nonlinear.profiles": False}
     monkeypatch.setattr("beamsim.analyses.identify.fit.MOST_EVALUATIONS", 1)
     path = config_path("identify_nonlinear")
-    scenario = load_scenario(path, {"identify_stiffness.nonlinear.starts": 1})
+    scenario = load_scenario(path, few)
     result = beamsim.identify_stiffness(scenario, beamsim.read_tests(scenario, path.parent))
     assert result.outcome.code == "fit_limit"
     assert not result.complete

@@ -1,4 +1,4 @@
-"""``beamsim compare``: computed motions compared with measured ones.
+"""``beamsim compare``: comparison of computed and measured motions.
 
 Never here: files and pictures.
 Begin with `analysis`.

@@ -1,7 +1,7 @@
 """``beamsim compare``: a computed and a measured motion, aligned in phase and compared harmonic by harmonic.
 
-The channels of a measurement are assigned to probes and snubbers by their names. Records that do not repeat are
-compared by peaks, scale, correlation and response spectra.
+The channels of a measurement are assigned to probes and snubbers by their names. Transient records are compared by
+peaks, scale, correlation and response spectra.
 """
 
 from __future__ import annotations
@@ -47,8 +47,11 @@ from beamsim.signals.harmonics import Harmonics, best_phase, harmonics_of, perio
 from beamsim.signals.records import Window, amplitude_db, sampled_records
 from beamsim.typing import TINY, Floats
 
-OF_PROBES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
-OF_CONTACTS = {"N": ("force", FORCE), "N m": ("moment", MOMENT)}  # by unit: of snubbers, of stops of hinges
+PROBE_QUANTITIES = ("absolute_acceleration", "displacement", "absolute_displacement", "velocity")
+CONTACT_QUANTITIES = {
+    "N": ("force", FORCE),
+    "N m": ("moment", MOMENT),
+}  # by unit, of snubbers and of stops of hinges
 _SHOWN_PERIODS = 4
 
 
@@ -63,11 +66,12 @@ def compare(
 
     Parameters
     ----------
-    result : the run.
+    result : result of the run.
     pairs : place, quantity, and measured signal in SI units.
     harmonics : number of harmonics in the table.
-    last : use only this last part of measured histories, s; by default as long as the part of the run that is used:
-        that of ``run.spectrum``, else the part in which its motion has settled.
+    last : length of the final part of measured histories to use, s; by default as long as the part of the run that is
+        used
+    (that of ``run.spectrum``, else the part with settled motion).
 
     Returns
     -------
@@ -99,19 +103,19 @@ def compare(
 
 
 def record_warnings(signal: MeasuredSignal) -> list[str]:
-    """Warnings about a measured signal; for an acceleration also about an offset, which a run does not have."""
+    """Warnings about a measured signal; for an acceleration also about an offset, which runs do not have."""
     if signal.is_over_frequency or signal.unit != ACCELERATION.unit:
         return list(signal.warnings)
     return [*signal.warnings, *offset_warnings(signal, starts=False)]
 
 
 def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
-    """A history that was computed.
+    """Computed history of a place.
 
     Parameters
     ----------
-    result : the run.
-    place : a probe or output; for a force or moment a snubber.
+    result : result of the run.
+    place : probe or output; for a force or moment a snubber.
     quantity : one of `quantities_of` the place.
 
     Returns
@@ -120,21 +124,21 @@ def predicted_history(result: RunResult, place: str, quantity: str) -> Floats:
         SI units.
     """
     histories = result["histories"]
-    if place in histories.labels("probe") and quantity in OF_PROBES:
+    if place in histories.labels("probe") and quantity in PROBE_QUANTITIES:
         return histories[quantity].sel(probe=place).values
-    if place in histories.labels("snubber") and quantity in dict(OF_CONTACTS.values()):
+    if place in histories.labels("snubber") and quantity in dict(CONTACT_QUANTITIES.values()):
         return histories["snubber_force"].sel(snubber=place).values
     return histories["output_value"].sel(output=place).values
 
 
 def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warnings: list[str]) -> ChannelComparison:
-    """A channel compared with the history of a run: harmonics in phase, histories without a delay, spectra."""
+    """Compare a channel with the history of a run: harmonics in phase, aligned histories, spectra."""
     place, quantity, signal = pair
     excitation = result.scenario.excitation.tone_hz
     unit = quantities_of(result)[place][quantity].unit
     run = _part_of_run(result, place, quantity, excitation, warnings)
     if last is None and np.isfinite(excitation):
-        last = float(run.x[-1] - run.x[0]) * (1 + WHOLE_PART)
+        last = float(run.x[-1] - run.x[0]) * (1 + TIME_ROUND_OFF)
     if not np.any(signal.y):
         what = f"{signal.label} is zero throughout"
         raise measurement_error(what, "check the channel and its cable, or leave it out with --channel")
@@ -158,11 +162,11 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     if not (np.isfinite(excitation) or signal.is_over_frequency):
         settings = None if result.scenario.run is None else result.scenario.run.srs
         likeness = compare_records((time_p, history_p), (time_m, history_m), settings)
-        warnings += _of_sign_and_zero(run, record, (time_p, history_p, time_m, history_m))
+        warnings += _sign_and_offset_warnings(run, record, (time_p, history_p, time_m, history_m))
         if likeness is not None and settings is not None:
             rate = min((t.size - 1) / float(t[-1] - t[0]) for t in (time_p, time_m))
-            warnings += _of_rate(signal.name, float(likeness.frequency_hz[-1]), settings.to, rate)
-    warnings += _of_aliasing(result, place, quantity)
+            warnings += _rate_warnings(signal.name, float(likeness.frequency_hz[-1]), settings.to, rate)
+    warnings += _aliasing_warnings(result, place, quantity)
     return ChannelComparison(
         place=place,
         quantity=quantity,
@@ -189,65 +193,68 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     )
 
 
-ALIKE, UNLIKE = 0.9, 0.7  # correlation from which a record is the other one but for sign or zero, and below which not
-FEWEST_OF_BOTH = 20  # samples that both have
-NOTABLE_OFFSET = 0.05  # of the root mean square of a history about its mean
+LEAST_CORRELATION, LOW_CORRELATION = (
+    0.9,
+    0.7,
+)  # correlations above which records agree, and below which they do not
+FEWEST_COMMON_SAMPLES = 20  # common samples, at least
+NOTABLE_OFFSET = 0.05  # relative to the root mean square of a history about its mean
 
 
-def _of_sign_and_zero(
-    run: MeasuredSignal, record: MeasuredSignal, aligned: tuple[Floats, Floats, Floats, Floats]
+def _sign_and_offset_warnings(
+    run: MeasuredSignal, record: MeasuredSignal, aligned_histories: tuple[Floats, Floats, Floats, Floats]
 ) -> Iterator[str]:
-    """Warnings where a record is that of the run but for its sign, or but for what it reads at rest.
+    """Warn if a record agrees with the run only with opposite sign, or only without its offset.
 
     Parameters
     ----------
-    run, record : the histories, in one unit.
-    aligned : times and values of the run, then of the record, shifted by the delay between them.
+    run, record : histories, in one unit.
+    aligned_histories : times and values of the run, then of the record, without the delay between them.
     """
-    predicted, measured, correlation = _where_both_last(*aligned)
+    predicted, measured, correlation = _common_times(*aligned_histories)
     size, offset = float(np.std(predicted)), float(measured.mean() - predicted.mean())
-    if correlation > ALIKE and record.unit != ACCELERATION.unit and abs(offset) > NOTABLE_OFFSET * size:
+    if correlation > LEAST_CORRELATION and record.unit != ACCELERATION.unit and abs(offset) > NOTABLE_OFFSET * size:
         share = f"{100.0 * abs(offset) / size:.2g} % of the computed root mean square"
         yield (
-            f"{record.name}: its mean is {offset:+.4g} {record.unit} from that of the run, {share}: an offset counts "
-            "as a difference; subtract what the channel reads at rest"
+            f"{record.name}: its mean differs from that of the run by {offset:+.4g} {record.unit}, {share}; an offset "
+            "counts as a difference; subtract the reading of the channel at rest"
         )
-    if correlation < UNLIKE:
+    if correlation < LOW_CORRELATION:
         turned = replace(record, y=-record.y)
-        other = _where_both_last(*_aligned_samples(run, turned, _lag(run, turned), np.nan))[2]
-        if other > ALIKE:
+        other = _common_times(*_aligned_samples(run, turned, _lag(run, turned), np.nan))[2]
+        if other > LEAST_CORRELATION:
             yield (
-                f"{record.name}: with the other sign the correlation is {other:.4f}, and {correlation:.4f} as it is "
+                f"{record.name}: with opposite sign the correlation is {other:.4f}, and {correlation:.4f} as it is "
                 "written: give --factor -1 if its sensor counts in the other direction"
             )
 
 
-def _where_both_last(
-    time: Floats, predicted: Floats, of_record: Floats, measured: Floats
+def _common_times(
+    time: Floats, predicted: Floats, measured_time: Floats, measured: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Values of a run and of a record at the times of the run that both have, and their correlation, nan of none."""
-    both = (time >= of_record[0]) & (time <= of_record[-1])
-    if np.count_nonzero(both) < FEWEST_OF_BOTH or not np.ptp(predicted[both]) * np.ptp(measured) > 0.0:
+    """Values of a run and of a record at their common times, and their correlation (nan without common times)."""
+    both = (time >= measured_time[0]) & (time <= measured_time[-1])
+    if np.count_nonzero(both) < FEWEST_COMMON_SAMPLES or not np.ptp(predicted[both]) * np.ptp(measured) > 0.0:
         return predicted, predicted, np.nan
-    one, other = predicted[both], np.interp(time[both], of_record, measured)
+    one, other = predicted[both], np.interp(time[both], measured_time, measured)
     return one, other, float(np.corrcoef(one, other)[0, 1])
 
 
-WHOLE_PART = 1e-9  # relative round-off of times, by which the last part of a record may be longer
+TIME_ROUND_OFF = 1e-9  # relative round-off of times, which may lengthen the last part of a record
 
 
-def _of_rate(name: str, reached_hz: float, asked_hz: float, rate: float) -> Iterator[str]:
-    """A warning where the sample rate, 1/s, ends response spectra below the frequency that is asked for."""
-    if reached_hz < asked_hz * (1 - WHOLE_PART):
+def _rate_warnings(name: str, highest_hz: float, requested_hz: float, rate: float) -> Iterator[str]:
+    """Warn if the sample rate, 1/s, limits response spectra below the requested frequency."""
+    if highest_hz < requested_hz * (1 - TIME_ROUND_OFF):
         yield (
-            f"{name}: response spectra end at {reached_hz:.4g} Hz, below run.srs.to = {asked_hz:g} Hz: the records "
+            f"{name}: response spectra end at {highest_hz:.4g} Hz, below run.srs.to = {requested_hz:g} Hz: the records "
             f"have {rate:.4g} samples a second, and oscillators above a tenth of that follow the interpolation between "
             "samples"
         )
 
 
-def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
-    """A warning where a history has a notable part above half its sample rate."""
+def _aliasing_warnings(result: RunResult, place: str, quantity: str) -> Iterator[str]:
+    """Warn if a history has notable content above half its sample rate."""
     share = _aliased_share(result, place, quantity)
     if share is not None:
         times = result["histories"]["time"].values
@@ -260,7 +267,7 @@ def _of_aliasing(result: RunResult, place: str, quantity: str) -> Iterator[str]:
 
 
 def _aliased_share(result: RunResult, place: str, quantity: str) -> float | None:
-    """Share of the root mean square of a history above half the output rate; None where it is not notable."""
+    """Share of the root mean square of a history above half the output rate; None if it is negligible."""
     called = {"moment": "force", "absolute_displacement": "displacement"}.get(quantity, quantity)
     shares = result.summary.get("aliased_in_histories") or {}
     share = shares.get(f"{place} {called}")
@@ -270,7 +277,7 @@ def _aliased_share(result: RunResult, place: str, quantity: str) -> float | None
 def _part_of_run(
     result: RunResult, place: str, quantity: str, excitation: float, warnings: list[str]
 ) -> MeasuredSignal:
-    """The part of a computed history that is compared."""
+    """Part of a computed history that is compared."""
     times, values = result["histories"]["time"].values, predicted_history(result, place, quantity)
     part = slice(max(times.size - 2**21, 0), times.size)
     time, x = times[part], np.asarray(values[part], dtype=float)
@@ -281,20 +288,20 @@ def _part_of_run(
     return MeasuredSignal(place, time[steady], x[steady])
 
 
-SETTLED = 0.01  # relative difference of periods of a settled motion, rms
+SETTLED_DIFFERENCE = 0.01  # relative rms difference of the periods of a settled motion
 
 
-def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: str, warnings: list[str]) -> float:
-    """Start of the part of a run that is compared: as `run.spectrum` says, else where its motion has settled."""
+def _start(result: RunResult, time: Floats, values: Floats, excitation: float, name: str, warnings: list[str]) -> float:
+    """Start of the compared part of a run: from `run.spectrum`, else where the motion has settled."""
     settings = None if result.scenario.run is None else result.scenario.run.spectrum
     if settings is not None and (settings.last is not None or settings.periods is not None):
         duration = result["spectra"]["duration_s"].item() if "spectra" in result.datasets else np.inf
         share = min(duration / float(time[-1] - time[0]), 1.0)
-        return float(time[-round(share * (time.size - 1))])  # whole periods: one end of the two
+        return float(time[-round(share * (time.size - 1))])  # whole periods: one of the two end points
     if not np.isfinite(excitation):
         return float(time[0])
-    start, deviation = steady_part(time, x, 1.0 / excitation)
-    if deviation > SETTLED:
+    start, deviation = steady_part(time, values, 1.0 / excitation)
+    if deviation > SETTLED_DIFFERENCE:
         warnings.append(
             f"{name}: the run does not settle (its last periods differ by {deviation:.2g} of the motion); the last "
             f"{time[-1] - start:.4g} s are compared: run longer, or choose the part by run.spectrum.last"
@@ -305,14 +312,14 @@ def _start(result: RunResult, time: Floats, x: Floats, excitation: float, name: 
 def _harmonics(
     predicted: MeasuredSignal, measured: MeasuredSignal, motion: tuple[float, int], count: int, warnings: list[str]
 ) -> tuple[Harmonics, Harmonics]:
-    """Harmonics of both signals, as many as both contain; none without an excitation frequency.
+    """Harmonics of both signals, as many as both contain; empty without an excitation frequency.
 
     Parameters
     ----------
     predicted, measured : the signals.
-    motion : frequency of the excitation, Hz, and how many of its periods one of the motion has.
+    motion : excitation frequency, Hz, and excitation periods per period of the motion.
     count : number of harmonics of the excitation.
-    warnings : that there are fewer is added to.
+    warnings : list to which a warning about missing harmonics is added.
     """
     excitation, multiple = motion
     if not np.isfinite(excitation):
@@ -329,7 +336,7 @@ def _harmonics(
 
 
 def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
-    """Spectrum of a history under a Hann window; a measured spectrum stays as it is."""
+    """Spectrum of a history with a Hann window; a measured spectrum is returned unchanged."""
     if signal.is_over_frequency:
         frequency, amplitude = signal.x, np.abs(signal.y)
         peak = float(amplitude.max())
@@ -350,7 +357,7 @@ def _spectrum(signal: MeasuredSignal, excitation: float) -> ComparedSpectrum:
 
 
 def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
-    """Delay of maximum correlation, for motions without excitation frequency."""
+    """Delay of maximum correlation, for motions without an excitation frequency."""
     from scipy import signal
 
     length = float(measured.x[-1] - measured.x[0])
@@ -360,20 +367,20 @@ def _lag(predicted: MeasuredSignal, measured: MeasuredSignal) -> float:
     correlation = signal.correlate(a - a.mean(), b - b.mean(), method="fft")
     lags, best = signal.correlation_lags(grid.size, grid.size), int(np.argmax(correlation))
     before, top, after = correlation[np.clip([best - 1, best, best + 1], 0, correlation.size - 1)]
-    between = 0.5 * (before - after) / min(before - 2 * top + after, -TINY)  # of samples: the top of a parabola
+    between = 0.5 * (before - after) / min(before - 2 * top + after, -TINY)  # in samples: vertex of a parabola
     return float(predicted.x[0] + (lags[best] + between) * step - measured.x[0])
 
 
 def _aligned_samples(
     predicted: MeasuredSignal, measured: MeasuredSignal, delay: float, period: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """A few periods of both in the time of the prediction.
+    """A few periods of both signals on the time axis of the prediction.
 
     Parameters
     ----------
-    predicted, measured : both.
-    delay : s, of the measurement.
-    period : s, of the motion; not finite without an excitation frequency, where both are returned whole.
+    predicted, measured : the signals.
+    delay : delay of the measurement, s.
+    period : period of the motion, s; infinite without an excitation frequency: both are then returned completely.
     """
     x, y = predicted.x, np.asarray(predicted.y, dtype=float)
     none = np.zeros(0)
@@ -392,12 +399,16 @@ def _aligned_samples(
     return x, y, moved[kept], history[kept]
 
 
-def _rms(time_p: Floats, history_p: Floats, time_m: Floats, history_m: Floats) -> float:
-    inside = (time_m >= time_p[0]) & (time_m <= time_p[-1]) if time_m.size else np.zeros(0, dtype=bool)
+def _rms(predicted_time: Floats, predicted: Floats, measured_time: Floats, measured: Floats) -> float:
+    inside = (
+        (measured_time >= predicted_time[0]) & (measured_time <= predicted_time[-1])
+        if measured_time.size
+        else np.zeros(0, dtype=bool)
+    )
     if not inside.any():
         return float("nan")
-    difference = np.interp(time_m[inside], time_p, history_p) - history_m[inside]
-    size = float(np.sqrt(np.mean(history_m[inside] ** 2)))
+    difference = np.interp(measured_time[inside], predicted_time, predicted) - measured[inside]
+    size = float(np.sqrt(np.mean(measured[inside] ** 2)))
     return float(np.sqrt(np.mean(difference**2)) / size) if size > 0 else float("nan")
 
 
@@ -421,41 +432,42 @@ def _channel_summary(channel: ChannelComparison) -> dict[str, Any]:
 
 
 Pair = tuple[str, str, MeasuredSignal]
-"""Place and quantity of a result, and the measured signal that is compared with it."""
+"""Place and quantity of a result, and the measured signal for them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelChoice:
-    """Which channels of a file are compared with what, and what the file does not say of them."""
+    """Selection of channels of a file, and information that the file lacks."""
 
-    place: str | None = None  # probe, snubber or output; without it and `channel` those of all are paired
-    quantity: str | None = None  # without it and `channel` all of `quantities_of` the place are paired
-    channel: str | None = None  # its name
-    unit: str | None = None  # of the values
-    axis_unit: str | None = None  # of the time or frequency
-    level: str | None = None  # with its unit, of the excitation at which frequency responses were measured
-    decimal: DecimalMark | None = None  # of a text file, where its numbers leave it open
-    preparation: RecordPreparation | None = None  # of time histories; by default they are taken as they are
+    place: str | None = None  # probe, snubber or output; all if neither this nor `channel` is given
+    quantity: str | None = None  # all of `quantities_of` the place if neither this nor `channel` is given
+    channel: str | None = None  # name of the channel
+    unit: str | None = None  # unit of the values
+    axis_unit: str | None = None  # unit of time or frequency
+    level: str | None = None  # excitation level at which frequency responses were measured, with unit
+    decimal: DecimalMark | None = None  # for a text file with ambiguous numbers
+    preparation: RecordPreparation | None = None  # of time histories; unchanged by default
 
 
-BY_NAME = ChannelChoice()
+ALL_BY_NAME = ChannelChoice()
 """All channels that are named after places and quantities."""
 
 
-def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: ChannelChoice = BY_NAME) -> list[Pair]:
-    """The measured channels of a file that belong to places of a result by name, in SI units.
+def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: ChannelChoice = ALL_BY_NAME) -> list[Pair]:
+    """Measured channels of a file, assigned to places of a result by name, in SI units.
 
-    With a chosen `channel`, or in a file with one, that one is compared with `quantity` (by default what its name or
-    unit says, else the absolute acceleration) at `place` (by default the one it is named after, or the only one).
+    A chosen `channel`, or the only one of a file, is compared with `quantity` (by default from its name or unit, else
+    the absolute acceleration) at `place` (by default from its name, or the only place).
 
-    Time histories and amplitude spectra can be compared; with a sweep frequency responses, too, times the level at
-    which they were measured. Channels of other function types are left out where others are named after the places.
+    Time histories and amplitude spectra can be compared; with a sweep also frequency responses, multiplied by the level
+    at which they were measured. Channels of other function types are ignored if other channels are named after the
+    places.
 
     Parameters
     ----------
-    result : a run or a sweep.
-    path : of the file.
-    choice : of channels, places and quantities; by default all that are named after each other.
+    result : run or sweep.
+    path : path of the file.
+    choice : selection of channels, places and quantities; by default all pairs with matching names.
 
     Returns
     -------
@@ -465,7 +477,7 @@ def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: Cha
     Raises
     ------
     ScenarioError
-        If the file cannot be used, no channel matches, or the one that does is of a function type that cannot be used.
+        If the file cannot be used, no channel matches, or the matching one has an unsuitable function type.
     """
     demand_result(result)
     path = Path(path)
@@ -494,28 +506,28 @@ def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: Cha
         raise ScenarioError.at(problem.path, problem.message, remedy) from None
 
 
-def _functions(of_sweep: bool) -> tuple[FunctionType, ...]:
-    """Function types that are compared with a sweep, and with a run."""
-    return (FunctionType.TIME_HISTORY, FunctionType.SPECTRUM, *(RATIOS if of_sweep else ()))
+def _functions(for_sweep: bool) -> tuple[FunctionType, ...]:
+    """Function types that can be compared with a sweep, or with a run."""
+    return (FunctionType.TIME_HISTORY, FunctionType.SPECTRUM, *(RATIOS if for_sweep else ()))
 
 
-def _amplitudes(signal: MeasuredSignal, of_sweep: bool, path: Path, level: str | None) -> MeasuredSignal:
-    """A time history or amplitudes: those of a frequency response at a level.
+def _amplitudes(signal: MeasuredSignal, for_sweep: bool, path: Path, level: str | None) -> MeasuredSignal:
+    """Time history, or amplitudes; for a frequency response, those at a level.
 
     Raises
     ------
     ScenarioError
-        If it is none of them, or has no level.
+        If it is none of these, or has no level.
     """
-    purpose = f"a comparison with a {'sweep' if of_sweep else 'run'}"
+    purpose = f"a comparison with a {'sweep' if for_sweep else 'run'}"
     try:
-        return signal.require(_functions(of_sweep), purpose).at_level(level, "--level")
+        return signal.require(_functions(for_sweep), purpose).at_level(level, "--level")
     except InputFileError as fault:
         raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
 
 
 def _prepare(signal: MeasuredSignal, path: Path, preparation: RecordPreparation | None) -> MeasuredSignal:
-    """A measured signal as it is compared."""
+    """Prepare a measured signal for the comparison."""
     if preparation is None:
         return signal
     try:
@@ -527,52 +539,55 @@ def _prepare(signal: MeasuredSignal, path: Path, preparation: RecordPreparation 
 _Quantities = Mapping[str, Mapping[str, Dimension]]  # by place and name
 
 
-def _owner(signal: MeasuredSignal, found: _Quantities, path: Path, choice: ChannelChoice) -> tuple[str, str]:
-    """Place and quantity of the one channel that is compared.
+def _owner(signal: MeasuredSignal, quantities: _Quantities, path: Path, choice: ChannelChoice) -> tuple[str, str]:
+    """Place and quantity of the only channel that is compared.
 
     Parameters
     ----------
     signal : the channel.
-    found : what the result has.
+    quantities : quantities of the result.
     path, choice : see `pair_channels`.
 
     Raises
     ------
     ScenarioError
-        If the result has no such quantity, or not there.
+        If the result has no such quantity, or not at that place.
     """
-    known, place, unit = _dimensions(found), choice.place, choice.unit
-    meant = known if place is None else {**found[place], **known}
+    known, place, unit = _dimensions(quantities), choice.place, choice.unit
+    meant = known if place is None else {**quantities[place], **known}
     compared = choice.quantity or _quantity_of(signal.name, signal.unit or unit or "", meant)
     if compared not in known:
         message = f"--quantity {compared} is not one of {', '.join(known)}"
         raise ScenarioError.at("", message, "choose one of these")
-    owners = [name for name, of_place in found.items() if compared in of_place]
+    owners = [name for name, of_place in quantities.items() if compared in of_place]
     at = place or _place_of(signal, owners, path)
     if at not in owners:
         raise ScenarioError.at("", f"--probe {at} has no {compared}", f"choose from {', '.join(owners)}")
     return at, compared
 
 
-def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choice: ChannelChoice) -> list[Pair]:
-    """Places, quantities and the channels that are named after them, in the units of the file.
+def _by_name(signals: list[MeasuredSignal], quantities: _Quantities, path: Path, choice: ChannelChoice) -> list[Pair]:
+    """Places, quantities and the channels named after them, in the units of the file.
 
     Parameters
     ----------
-    signals : of the file.
-    found : what the result has.
+    signals : signals of the file.
+    quantities : quantities of the result.
     path, choice : see `pair_channels`.
 
     Raises
     ------
     ScenarioError
-        If no channel is.
+        If no channel is named after them.
     """
     place, quantity, unit = choice.place, choice.quantity, choice.unit
     pairs: list[Pair] = []
-    for name in found if place is None else [place]:
-        for q in found[name] if quantity is None else found[name].keys() & {quantity}:
-            own = q in (*OF_PROBES, *dict(OF_CONTACTS.values()))  # the channel of an output need not say what it is
+    for name in quantities if place is None else [place]:
+        for q in quantities[name] if quantity is None else quantities[name].keys() & {quantity}:
+            own = q in (
+                *PROBE_QUANTITIES,
+                *dict(CONTACT_QUANTITIES.values()),
+            )  # the channel of an output need not name its quantity
             called = "force" if q == "moment" and all("moment" not in s.name for s in signals) else q  # as in results
             try:
                 signal = channel_named(signals, name, called, path, required=own)
@@ -580,27 +595,27 @@ def _by_name(signals: list[MeasuredSignal], found: _Quantities, path: Path, choi
                 continue
             if not (own or signal.unit or unit or place):
                 continue
-            place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit says what it is
-            meant = {**found[name], **_dimensions(found)}
+            place_alone = quantity is None and split_heading(signal.name)[0] == name  # its unit defines the quantity
+            meant = {**quantities[name], **_dimensions(quantities)}
             if not place_alone or _quantity_of(signal.name, signal.unit or unit or "", meant) == q:
                 pairs.append((name, q, signal))
     if not pairs:
         names = ", ".join(s.name for s in signals[:12])
         raise ScenarioError.at(
             "",
-            f"{path} has no channel named after a probe ({', '.join(found)}) and a quantity",
+            f"{path} has no channel named after a probe ({', '.join(quantities)}) and a quantity",
             f"specify them: --channel NAME --probe NAME --quantity absolute_acceleration; it has {names}",
         )
     return pairs
 
 
-def _dimensions(found: _Quantities) -> dict[str, Dimension]:
+def _dimensions(quantities: _Quantities) -> dict[str, Dimension]:
     """Dimensions of all quantities of a result, by name."""
-    return {q: dimension for of_place in found.values() for q, dimension in of_place.items()}
+    return {q: dimension for of_place in quantities.values() for q, dimension in of_place.items()}
 
 
 def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str:
-    """The quantity, of those known with their dimensions, that a channel's name or unit says; else the first."""
+    """Quantity that a channel's name or unit indicates, among known ones; else the first."""
     words = channel.lower().replace("_", " ")
     longest_first = sorted(known, key=len, reverse=True)
     by_name = next((q for q in longest_first if quantity_text(q) in words), "")
@@ -614,23 +629,23 @@ def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str
 
 
 def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:
-    """The probe or snubber that a channel is named after, or the only one.
+    """Probe or snubber that a channel is named after, or the only one.
 
     Raises
     ------
     ScenarioError
-        If there are several and the channel's name says none or more than one of them.
+        If there are several and the channel's name contains none or more than one of them.
     """
     named = [name for name in places if contains_word(signal.name, name)]
     if len(named) == 1 or (not named and len(places) == 1):
         return (named or places)[0]
     what = f"is named after {' and '.join(named)}" if named else "is named after none of the probes"
-    remedy = f"say where it was measured: --probe {places[0]} (there are {', '.join(places)})"
+    remedy = f"give the place of measurement: --probe {places[0]} (there are {', '.join(places)})"
     raise ScenarioError.at("", f"{path}: the channel {signal.name} {what}", remedy)
 
 
 def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimension]]:
-    """By place of a result what can be compared there, with its dimension: probes, then snubbers, then outputs."""
+    """Comparable quantities with their dimensions by place of a result: probes, then snubbers, then outputs."""
     if isinstance(result, RunResult):
         histories = result["histories"]
         probes = histories.labels("probe")
@@ -645,38 +660,39 @@ def quantities_of(result: RunResult | SweepResult) -> dict[str, dict[str, Dimens
         quantities, units = (cycles.by_label(f"output_{column}") for column in ("quantity", "unit"))
         outputs = {name: (quantities[name].item(), units[name].item()) for name in quantities}
         contacts = {name: force.unit for name, force in cycles.by_label("peak_force").items()}
-    of_probe = {q: motion_dimension(q) for q in OF_PROBES}
+    of_probe = {q: motion_dimension(q) for q in PROBE_QUANTITIES}
     found = {name: dict(of_probe) for name in probes}
     for name, unit in contacts.items():
-        found.setdefault(name, {}).update([OF_CONTACTS[unit]])
+        found.setdefault(name, {}).update([CONTACT_QUANTITIES[unit]])
     for name, (quantity, unit) in outputs.items():
         dimension = Dimension(quantity_text(quantity), unit, f"1 {unit}", gravity=unit == "m/s^2")
         found.setdefault(name, {}).setdefault(quantity, dimension)
     return found
 
 
-PARTS = 10  # of a record, left out one by one for the standard error of the scale
-MOST_PANELS = 100_000  # of an oscillator, which takes seconds: longer records have spectra up to a lower frequency
+JACKKNIFE_PARTS = 10  # of a record, each left out once for the standard error of the scale
+MOST_PANELS = 100_000  # per oscillator, some seconds: spectra of longer records end at a lower frequency
 
 
 def compare_records(
     predicted: tuple[Floats, Floats], measured: tuple[Floats, Floats], settings: ShockSpectrumSettings | None
 ) -> RecordComparison | None:
-    """Measures of likeness of two aligned records while both last.
+    """Measures of agreement of two aligned records over their common time.
 
     Parameters
     ----------
     predicted, measured : times (nt,), s, and values.
-    settings : range and quality of the oscillators; by default Q = 10 and six an octave over what the records resolve.
+    settings : range and quality of the oscillators; by default Q = 10 and six per octave, up to the records'
+        resolution.
 
     Returns
     -------
     RecordComparison
-        None where they overlap in less than twice as many samples as there are parts, or one is zero there.
+        None if they have fewer common samples than twice the number of parts, or one of them is zero there.
     """
     begin, end = max(predicted[0][0], measured[0][0]), min(predicted[0][-1], measured[0][-1])
     inside = (measured[0] >= begin) & (measured[0] <= end)
-    if np.count_nonzero(inside) < 2 * PARTS:
+    if np.count_nonzero(inside) < 2 * JACKKNIFE_PARTS:
         return None
     time, y = measured[0][inside], measured[1][inside]
     begin, end = float(time[0]), float(time[-1])
@@ -685,7 +701,7 @@ def compare_records(
     x = both[0](time)
     if not (np.any(own) and np.any(y)):
         return None
-    first = np.linspace(0, time.size, PARTS, endpoint=False).astype(int)
+    first = np.linspace(0, time.size, JACKKNIFE_PARTS, endpoint=False).astype(int)
     across, power, of_measured = (np.add.reduceat(product, first) for product in (x * y, x * x, y * y))
     without = (power.sum() - power) / (across.sum() - across)
     slowest = max(float(np.diff(t).max()) for t, _ in (predicted, measured))
@@ -697,7 +713,10 @@ def compare_records(
     frequency = geomspaced(min(lowest, 0.5 * highest), highest, per_octave)
     ends, values = np.array([begin, end]), lambda at: np.column_stack([spline(at) for spline in both])
     spectra = shock_spectra(frequency, quality, ends, values, 0.0).max(axis=1)
-    scale, scatter = power.sum() / across.sum(), np.sqrt((PARTS - 1) * np.mean((without - without.mean()) ** 2))
+    scale, scatter = (
+        power.sum() / across.sum(),
+        np.sqrt((JACKKNIFE_PARTS - 1) * np.mean((without - without.mean()) ** 2)),
+    )
     correlation = across.sum() / np.sqrt(power.sum() * of_measured.sum())
     return RecordComparison(
         float(np.abs(own).max()), float(np.abs(y).max()), float(scale), float(scatter), float(correlation),

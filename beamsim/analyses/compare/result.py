@@ -1,4 +1,4 @@
-"""Results of a comparison with measured signals."""
+"""Result of a comparison with measured signals."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from beamsim.summaries import Entry, Number, Plain, record, unit_in
 from beamsim.typing import Bools, Complexes, Floats
 
 _CHANNEL, _ROW, _SAMPLE = ("comparison",), ("row",), ("sample",)
-_WHOSE = "number of the comparison, from 0"
+_COMPARISON_NUMBER = "number of the comparison, from 0"
 _ABOUT = {
-    "comparison": Variable(_CHANNEL, "1", _WHOSE, int),
+    "comparison": Variable(_CHANNEL, "1", _COMPARISON_NUMBER, int),
     "place": Variable(_CHANNEL, "", "name of the probe or output; that of the snubber for a force or moment", str),
     "quantity": Variable(_CHANNEL, "", "quantity that is compared", str),
     "unit": Variable(_CHANNEL, "", "its unit", str),
@@ -26,7 +26,7 @@ _ABOUT = {
     "source": Variable(_CHANNEL, "", "file of the measurement", str),
     "has_phase": Variable(_CHANNEL, "1", "whether the phases are compared, too", bool, flags=("no", "yes")),
 }
-_OF_RECORD = {  # of a record that does not repeat; NaN where it does
+_OF_RECORD = {  # of a transient record; NaN for a periodic one
     "predicted_peak": Variable(_CHANNEL, "", "largest magnitude of the prediction, in the unit of the channel"),
     "measured_peak": Variable(_CHANNEL, "", "largest magnitude of the measurement, in the unit of the channel"),
     "scale": Variable(
@@ -40,7 +40,7 @@ _OF_RECORD = {  # of a record that does not repeat; NaN where it does
 }  # fmt: skip
 CHANNELS = Layout(
     "channels",
-    "What is compared with a run, a row for each channel.",
+    "Channels that are compared with a run, a row for each.",
     {
         **_ABOUT,
         "excitation_hz": Variable(_CHANNEL, "Hz", "frequency of the excitation; NaN where there is none"),
@@ -62,16 +62,16 @@ CHANNELS = Layout(
 
 
 def _rows(
-    name: str, text: str, columns: Mapping[str, tuple[str, str]], dim: str = "row", of: str = "channels"
+    name: str, text: str, columns: Mapping[str, tuple[str, str]], dim: str = "row", owner: str = "channels"
 ) -> Layout:
-    """A table with rows of all comparisons, one after the other: by column the unit and the meaning."""
+    """Layout of a table with the rows of all comparisons, one after the other; columns with unit and meaning."""
     along = (dim,)
     return Layout(
         name,
         text,
         {
             dim: Variable(along, "1", ROW, int),
-            "comparison": Variable(along, "1", _WHOSE, int, names=f"{of}/comparison"),
+            "comparison": Variable(along, "1", _COMPARISON_NUMBER, int, names=f"{owner}/comparison"),
             **{column: Variable(along, unit, meaning) for column, (unit, meaning) in columns.items()},
         },
         optional=True,
@@ -104,7 +104,7 @@ RECORDS = {
     for what, columns in (("histories", _HISTORY), ("spectra", _SPECTRUM))
     for side in ("predicted", "measured")
 }
-"""A few periods, or the whole of a record that does not repeat; none of a measured spectrum."""
+"""A few periods, or a complete transient record; empty for a measured spectrum."""
 RESPONSE_SPECTRA = _rows(
     "response_spectra", "Response spectra, maximax, of records that do not repeat.",
     {
@@ -116,7 +116,7 @@ RESPONSE_SPECTRA = _rows(
 )  # fmt: skip
 SWEEPS = Layout(
     "sweeps",
-    "What is compared with a sweep, a row for each channel.",
+    "Channels that are compared with a sweep, a row for each.",
     {
         **_ABOUT,
         "curve": Variable(_CHANNEL, "", "curve of the sweep", str),
@@ -134,10 +134,10 @@ SWEEPS = Layout(
 )  # fmt: skip
 SWEEP_RESPONSES = _rows(
     "sweep_responses", "Responses over the frequencies of the measurements.",
-    {"frequency_hz": ("Hz", "excitation frequency"), **_COMPLEX}, of="sweeps",
+    {"frequency_hz": ("Hz", "excitation frequency"), **_COMPLEX}, owner="sweeps",
 )  # fmt: skip
 SWEEP_PEAKS = _rows(
-    "sweep_peaks", "Measured peaks over frequency, each with the computed one; NaN where there is none.",
+    "sweep_peaks", "Measured peaks over frequency, each with the paired computed one, or NaN.",
     {
         "measured_hz": ("Hz", "frequency of the measured peak"),
         "predicted_hz": ("Hz", "frequency of the computed peak"),
@@ -166,7 +166,7 @@ ASSURANCE = Layout(
 
 @dataclass(frozen=True)
 class RecordComparison:
-    """A record that does not repeat, predicted and measured, while both last."""
+    """Comparison of a predicted and a measured transient record over their common time."""
 
     predicted_peak: float
     measured_peak: float
@@ -180,11 +180,11 @@ class RecordComparison:
 
     @property
     def difference_db(self) -> Floats:
-        """(nf,) of the response spectra."""
+        """(nf,) difference of the response spectra, dB."""
         return np.asarray(20 * np.log10(self.predicted_response / self.measured_response))
 
     def summary(self) -> dict[str, float]:
-        """The numbers, with the largest difference of the spectra."""
+        """Values of the comparison, with the largest difference of the spectra."""
         at = int(np.argmax(np.abs(self.difference_db)))
         numbers = {"largest_difference_db": self.difference_db[at], "largest_frequency_hz": self.frequency_hz[at]}
         numbers["peak_ratio"] = self.predicted_peak / self.measured_peak
@@ -200,12 +200,12 @@ class ComparedSpectrum(NamedTuple):
     amplitude_db: Floats
 
 
-ROUND_OFF = 1e-9  # of the largest harmonic: what no record resolves
+ROUND_OFF = 1e-9  # relative to the largest harmonic; below the resolution of records
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedChannel:
-    """What is compared with which channel."""
+    """Place, quantity and measured channel of a comparison."""
 
     place: str
     quantity: str
@@ -217,13 +217,13 @@ class ComparedChannel:
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelComparison(ComparedChannel):
-    """One quantity at one place, predicted and measured; meanings are those of the datasets."""
+    """Predicted and measured quantity at a place; fields are variables of the datasets."""
 
     excitation_hz: float
     delay_s: float
     order: Floats
     predicted: Complexes  # A e^{i phase} of A sin(2 pi f n t + phase)
-    measured: Complexes  # amplitudes alone where phases are unknown
+    measured: Complexes  # amplitudes only if phases are unknown
     measured_noise: Floats
     rms_difference: float
     predicted_time: Floats
@@ -234,24 +234,24 @@ class ChannelComparison(ComparedChannel):
     measured_spectrum: ComparedSpectrum
     start_s: float
     aliased_share: float | None = None
-    record: RecordComparison | None = None  # of histories that do not repeat
+    record: RecordComparison | None = None  # of transient histories
 
     @property
     def is_round_off(self) -> Bools:
-        """(h,) whether a harmonic of either is nothing but round-off compared with the largest of its own."""
+        """(h,) True for harmonics that are round-off relative to the largest of the same signal."""
         sizes = (np.abs(self.predicted), np.abs(self.measured))
         return np.asarray(np.any([size <= ROUND_OFF * size.max(initial=0.0) for size in sizes], axis=0))
 
     @property
     def difference_db(self) -> Floats:
-        """(h,) 20 log10(predicted / measured amplitude); nan where one of them is round-off."""
+        """(h,) 20 log10(predicted / measured amplitude); nan if one of them is round-off."""
         with np.errstate(divide="ignore", invalid="ignore"):
             difference = 20 * np.log10(np.abs(self.predicted) / np.abs(self.measured))
         return np.where(self.is_round_off, np.nan, difference)
 
     @property
     def phase_difference_deg(self) -> Floats:
-        """(h,) phase of the predicted harmonic over the measured one, after alignment; nan where it is unknown."""
+        """(h,) phase of the predicted minus the measured harmonic after alignment; nan if it is unknown."""
         if not self.has_phase:
             return np.full(self.order.size, np.nan)
         phase = np.degrees(np.angle(self.predicted * np.conj(self.measured)))
@@ -259,7 +259,7 @@ class ChannelComparison(ComparedChannel):
 
 
 class PeakPair(NamedTuple):
-    """A measured peak over frequency and the computed one that is paired with it; NaN if there is none."""
+    """Measured peak over frequency with its computed partner; NaN if there is none."""
 
     measured_hz: float
     predicted_hz: float
@@ -281,7 +281,7 @@ class PeakPair(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class SweptComparison(ComparedChannel):
-    """One quantity at one place over the frequency of a sweep, predicted and measured."""
+    """Predicted and measured quantity at a place over the frequency of a sweep."""
 
     curve: str
     detector: str
@@ -295,14 +295,14 @@ class SweptComparison(ComparedChannel):
 
 
 class Assurance(NamedTuple):
-    """Frequency domain assurance criterion: likeness of the deflection at two frequencies, over all channels."""
+    """Frequency domain assurance criterion: similarity of the deflections at two frequencies, over all channels."""
 
     predicted_hz: Floats
     measured_hz: Floats
     fdac: Floats
 
     def summary(self) -> dict[str, float]:
-        """Mean and lowest value at equal frequencies, and where that is."""
+        """Mean and lowest value at equal frequencies, and the frequency of the lowest."""
         diagonal = np.diagonal(self.fdac)
         lowest = int(np.argmin(diagonal))
         return {"mean": float(np.mean(diagonal)), "lowest": float(diagonal[lowest]),
@@ -313,7 +313,7 @@ class Assurance(NamedTuple):
 
 
 def _table(layout: Layout, parts: Sequence[Mapping[str, Any]]) -> Dataset:
-    """The rows of all comparisons, from the columns of each."""
+    """Concatenate the rows of all comparisons."""
     dim, *_ = layout.variables
     columns = [name for name in layout.variables if name not in (dim, "comparison")]
     sizes = [len(part[columns[0]]) for part in parts]
@@ -327,7 +327,7 @@ def _parts(values: Complexes, side: str) -> dict[str, Floats]:
 
 
 def channel_datasets(channels: Sequence[ChannelComparison]) -> dict[str, Dataset]:
-    """The datasets of a comparison with a run."""
+    """Datasets of a comparison with a run."""
     unknown = dict.fromkeys(_OF_RECORD, np.nan)
     of_record = [unknown if c.record is None else {name: getattr(c.record, name) for name in unknown} for c in channels]
     about: dict[str, Any] = {name: [row[name] for row in of_record] for name in _OF_RECORD}
@@ -352,7 +352,7 @@ def channel_datasets(channels: Sequence[ChannelComparison]) -> dict[str, Dataset
 
 
 def sweep_datasets(channels: Sequence[SweptComparison], assurance: Assurance | None) -> dict[str, Dataset]:
-    """The datasets of a comparison with a sweep."""
+    """Datasets of a comparison with a sweep."""
     number = np.arange(len(channels))
     responses = [
         {"frequency_hz": c.frequency_hz, **_parts(c.predicted, "predicted"), **_parts(c.measured, "measured")}
@@ -369,7 +369,7 @@ def sweep_datasets(channels: Sequence[SweptComparison], assurance: Assurance | N
 
 
 def _rows_of(table: Dataset, number: int) -> dict[str, Floats]:
-    """The columns of a table, of one comparison."""
+    """Columns of a table for one comparison."""
     own = table["comparison"].values == number
     return {name: array.values[own] for name, array in table.items()}
 
@@ -379,16 +379,16 @@ def _complex(rows: Mapping[str, Floats], side: str) -> Complexes:
 
 
 def _row_values(table: Dataset, number: int, names: Sequence[str]) -> dict[str, Any]:
-    """Values of a row; None of numbers that are not known."""
+    """Values of a row; None for unknown numbers."""
     values = table.rows("comparison", *names)[number]
     return {name: None if value != value and name in _OPTIONAL else value for name, value in values.items()}
 
 
-_OPTIONAL = ("aliased_share", "begin_s", "bandwidth")  # not known where NaN
+_OPTIONAL = ("aliased_share", "begin_s", "bandwidth")  # None if NaN
 
 
 def _channel_of(datasets: Mapping[str, Dataset], number: int) -> ChannelComparison:
-    """A channel of a comparison with a run, from its rows."""
+    """Channel of a comparison with a run, from its rows."""
     about = _row_values(datasets["channels"], number, [name for name in CHANNELS.variables if name != "comparison"])
     of_record = {name: about.pop(name) for name in _OF_RECORD}
     harmonics, record = _rows_of(datasets["harmonics"], number), None
@@ -416,7 +416,7 @@ def _channel_of(datasets: Mapping[str, Dataset], number: int) -> ChannelComparis
 
 
 def _sweep_of(datasets: Mapping[str, Dataset], number: int) -> SweptComparison:
-    """A channel of a comparison with a sweep, from its rows."""
+    """Channel of a comparison with a sweep, from its rows."""
     about = _row_values(datasets["sweeps"], number, [name for name in SWEEPS.variables if name != "comparison"])
     responses = _rows_of(datasets["sweep_responses"], number)
     peaks = datasets["sweep_peaks"].groups("comparison", range(number + 1))[number].records("peak", PeakPair)
@@ -454,12 +454,12 @@ class Comparison(Result):
 
     @cached_property
     def channels(self) -> tuple[ChannelComparison, ...]:
-        """What is compared with a run, channel by channel."""
+        """Channels that are compared with a run."""
         return tuple(_channel_of(self.datasets, k) for k in self._numbers("channels"))
 
     @cached_property
     def sweeps(self) -> tuple[SweptComparison, ...]:
-        """What is compared with a sweep, channel by channel."""
+        """Channels that are compared with a sweep."""
         return tuple(_sweep_of(self.datasets, k) for k in self._numbers("sweeps"))
 
     @property
@@ -480,21 +480,21 @@ class Comparison(Result):
 
 
 def outcome_of_comparison(result: Result) -> Outcome:
-    """The outcome of a comparison with a result: that of the result, which no comparison makes reliable.
+    """Outcome of a comparison, which is not more reliable than the compared result.
 
     Parameters
     ----------
-    result : of a run or a sweep, which is compared with a measurement.
+    result : run or sweep that is compared with a measurement.
 
     Returns
     -------
     Outcome
-        Incomplete where the result was interrupted: the comparison was not.
+        Incomplete if the result was interrupted; the comparison itself was not.
     """
     outcome = result.outcome
     if outcome.interrupted:
-        sentence = f"what is compared was {outcome.text}"
-        return Outcome.of(OutcomeKind.INCOMPLETE, "result_interrupted", sentence, remedy="compute the whole of it")
+        sentence = f"the result was {outcome.text}"
+        return Outcome.of(OutcomeKind.INCOMPLETE, "result_interrupted", sentence, remedy="compute all of it")
     return (
         COMPLETE
         if outcome.kind is OutcomeKind.COMPLETE and outcome.complete

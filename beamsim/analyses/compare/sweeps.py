@@ -1,10 +1,10 @@
 r"""A computed sweep compared with measured ones: response over frequency, peaks with their quality, FRAC and FDAC.
 
-Time histories of a swept sine are first tracked over its cycles: the sweep itself says when each begins. The record is
-resampled at equal steps of the phase (computed order tracking: K. R. Fyfe and E. D. S. Munck, "Analysis of computed
-order tracking", Mechanical Systems and Signal Processing 11, 1997), so that each cycle has the same number of samples,
-whose mean product with :math:`2 e^{-i\varphi}` is the fundamental. Over N cycles that is a tracking filter whose
-bandwidth is the N-th part of the frequency.
+Time histories of a swept sine are tracked over the cycles of the computed sweep. The record is resampled at equal steps
+of the phase (computed order tracking: K. R. Fyfe and E. D. S. Munck, "Analysis of computed order tracking", Mechanical
+Systems and Signal Processing 11, 1997), so that each cycle has the same number of samples; their mean product with
+:math:`2 e^{-i\varphi}` is the fundamental. Over N cycles this is a tracking filter with a bandwidth of 1/N of the
+frequency.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from beamsim.typing import TINY, Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]
 
-FEWEST = 8  # measured frequencies within the sweep
+FEWEST_FREQUENCIES = 8  # measured frequencies within the sweep, at least
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """How time histories of a sweep become responses over frequency."""
+    """How time histories of a sweep are converted to responses over frequency."""
 
-    begin: float | None = None  # s, time of the record at which the curve begins; found from the record by default
-    reference: MeasuredSignal | None = None  # the excitation in the same record, which gives phases
-    cycles: int = 1  # mean over so many: a tracking filter with that part of the frequency as bandwidth
+    begin: float | None = None  # s, time in the record at which the curve begins; found from the record by default
+    reference: MeasuredSignal | None = None  # excitation in the same record, which provides phases
+    cycles: int = 1  # number of averaged cycles: the bandwidth of the tracking filter is the frequency over this number
 
 
 def compare_sweep(
@@ -62,13 +62,13 @@ def compare_sweep(
 
     Parameters
     ----------
-    result : the sweep.
+    result : result of the sweep.
     pairs : place, quantity, and measured signal in SI units.
-    curve : name of the curve; may be left out where there is one.
-    detector : what was measured in each cycle: the largest magnitude, the amplitude of the fundamental, or the root
-        mean square; by default the fundamental where phases were measured or a time history is tracked, else the
-        largest magnitude.
-    tracking : of time histories.
+    curve : name of the curve; optional if there is only one.
+    detector : value of each cycle: largest magnitude (peak), amplitude of the fundamental, or root mean square (rms);
+        by
+    default the fundamental if phases were measured or a time history is tracked, else the peak.
+    tracking : settings for time histories.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def compare_sweep(
     Raises
     ------
     ScenarioError
-        If there is no such curve, or a record shares too few frequencies with the sweep or does not follow it.
+        If there is no such curve, or a record has too few common frequencies with the sweep or does not follow it.
     """
     begin = perf_counter()
     demand_amplitudes((signal for _, _, signal in pairs), "a comparison with a sweep")
@@ -105,7 +105,7 @@ def _curve(result: SweepResult, name: str | None) -> SweepCurve:
     if name is None and len(names) == 1:
         return result.curves[names[0]]
     if name not in result.curves:
-        what = "--curve is missing, and the sweep has several curves" if name is None else f"--curve {name} is unknown"
+        what = "--curve is missing, but the sweep has several curves" if name is None else f"--curve {name} is unknown"
         raise measurement_error(what, f"choose one of {', '.join(names)}")
     return result.curves[name]
 
@@ -114,12 +114,12 @@ SAME_LEVEL = 0.01  # relative difference of levels that count as equal
 
 
 def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
-    """Warnings that a frequency response was measured at another level than the sweep was computed at.
+    """Warn if a frequency response was measured at another level than that of the computed sweep.
 
     Raises
     ------
     ScenarioError
-        If the structure was excited by a force in one and by a motion of the base in the other.
+        If one was excited by a force and the other by base motion.
     """
     if signal.level is None:
         return
@@ -127,8 +127,7 @@ def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
     unit, computed = signal.level.dimension.unit, amplitude_unit(curve.quantity)
     if (unit in loads) != (computed in loads):
         raise measurement_error(
-            f"{signal.label} was measured under an excitation in {unit}, and the sweep is computed under one in "
-            f"{computed}",
+            f"{signal.label} was measured with an excitation in {unit}, but the sweep has an excitation in {computed}",
             "compute the sweep with the excitation of the test",
         )
     inside = (curve.frequency_hz >= signal.x[0]) & (curve.frequency_hz <= signal.x[-1])
@@ -136,7 +135,7 @@ def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
     if unit == computed and np.any(np.abs(amplitude / signal.level.amplitude - 1.0) > SAME_LEVEL):
         most = float(amplitude[np.argmax(np.abs(amplitude / signal.level.amplitude - 1.0))])
         yield (
-            f"{signal.name} was measured at {signal.level.amplitude:.4g} {unit}, and the sweep is computed at "
+            f"{signal.name} was measured at {signal.level.amplitude:.4g} {unit}, but the sweep is computed at "
             f"{most:.4g} {unit}: a structure with stops responds differently at each level"
         )
 
@@ -144,18 +143,18 @@ def _level_warnings(curve: SweepCurve, signal: MeasuredSignal) -> Iterator[str]:
 def _with_record_starts(
     result: SweepResult, curve: SweepCurve, pairs: Sequence[tuple[str, str, MeasuredSignal]], tracking: Tracking
 ) -> Tracking:
-    """The settings with the checked beginning of the curve in the records; unchanged without histories."""
+    """Settings with the checked start of the curve in the records; unchanged without time histories."""
     histories = [pair for pair in pairs if not pair[2].is_over_frequency]
     if not histories:
         if tracking != Tracking():
             raise measurement_error(
-                "--reference, --begin and --cycles belong to time histories, and the measurement is over frequency",
+                "--reference, --begin and --cycles belong to time histories, but the measurement is over frequency",
                 "leave them out",
             )
         return tracking
     if curve.kind != "swept_sine":
         raise measurement_error(
-            f"{histories[0][2].label} is a time history, which is compared with a swept sine, and the sweep is "
+            f"{histories[0][2].label} is a time history, which needs a swept sine, but the sweep is "
             f"{curve.kind.replace('_', ' ')}",
             "compute a sweep of kind: swept_sine with the rate of the test, or export responses over frequency",
         )
@@ -171,19 +170,19 @@ def _with_record_starts(
             )
             for place, quantity, signal in histories
         ]
-    begin = beginning(curve, records) if tracking.begin is None else tracking.begin
-    _check_beginning(curve, records, begin)
+    begin = find_start(curve, records) if tracking.begin is None else tracking.begin
+    _check_start(curve, records, begin)
     return replace(tracking, begin=begin)
 
 
-def _computed_cycles(curve: SweepCurve, place: str, quantity: str, where: str) -> CycleValues:
+def _computed_cycles(curve: SweepCurve, place: str, quantity: str, signal_name: str) -> CycleValues:
     followed = "force" if quantity == "moment" else quantity
     if followed in FOLLOWED and place in curve.places(followed):
         return curve.channel(followed, place)
     outputs = curve.cycles.by_label("output_quantity")
     if place not in outputs or outputs[place].item() != quantity:
         raise measurement_error(
-            f"{where}: the sweep holds no {quantity.replace('_', ' ')} of {place}",
+            f"{signal_name}: the sweep has no {quantity.replace('_', ' ')} of {place}",
             "compare absolute_acceleration or displacement of a probe, force of a snubber, or an output",
         )
     return curve.channel("output", place)
@@ -207,13 +206,13 @@ def _channel(
     frequency, values = curve.frequency_hz[rising], _detector_readings(curve, computed, detector, where)[rising]
     if followed:
         signal = _tracked(curve, signal, detector, tracking)
-        frequency, values = filtered(frequency, tracking.cycles), filtered(values, tracking.cycles)
+        frequency, values = moving_mean(frequency, tracking.cycles), moving_mean(values, tracking.cycles)
     inside = (signal.x >= frequency[0]) & (signal.x <= frequency[-1])
-    if np.count_nonzero(inside) < FEWEST:
+    if np.count_nonzero(inside) < FEWEST_FREQUENCIES:
         raise measurement_error(
             f"{where} has {np.count_nonzero(inside)} frequencies between {frequency[0]:.4g} and "
             f"{frequency[-1]:.4g} Hz, those of the sweep",
-            f"at least {FEWEST} are needed",
+            f"at least {FEWEST_FREQUENCIES} are needed",
         )
     x = signal.x[inside]
     measured = np.asarray(signal.y[inside], dtype=complex)
@@ -242,13 +241,13 @@ def _channel(
 
 
 def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, tracking: Tracking) -> MeasuredSignal:
-    """What a detector shows of each cycle of a time history; with phases where the excitation was recorded."""
+    """Detector value of each cycle of a time history; with phases if the excitation was recorded."""
     begin = not_none(tracking.begin)
     of = track(curve, signal, begin)
     if detector != "fundamental":
         if tracking.cycles > 1:
             raise measurement_error(
-                f"--cycles {tracking.cycles} is the bandwidth of a tracking filter, and --detector is {detector}",
+                f"--cycles {tracking.cycles} sets the bandwidth of a tracking filter, but --detector is {detector}",
                 "leave one of them out",
             )
         return replace(signal, x=of.frequency_hz, y=of.peak if detector == "peak" else of.rms, is_over_frequency=True)
@@ -257,14 +256,14 @@ def _tracked(curve: SweepCurve, signal: MeasuredSignal, detector: Detector, trac
         excitation = track(curve, tracking.reference, begin)
         some = np.isin(excitation.frequency_hz, of.frequency_hz)
         turned = excitation.fundamental[some]
-        # the sweep's excitation is a sine: -i as the amplitude of a cosine
+        # the excitation of the sweep is a sine: amplitude -i relative to a cosine
         y = y * -1j * np.conj(turned) / np.maximum(np.abs(turned), TINY)
-    x, y = filtered(of.frequency_hz, tracking.cycles), filtered(y, tracking.cycles)
+    x, y = moving_mean(of.frequency_hz, tracking.cycles), moving_mean(y, tracking.cycles)
     return replace(signal, x=x, y=np.abs(y) if tracking.reference is None else y, is_over_frequency=True)
 
 
-def _detector_readings(curve: SweepCurve, computed: CycleValues, detector: Detector, where: str) -> Complexes:
-    """(C,) what an instrument of that kind shows in each cycle."""
+def _detector_readings(curve: SweepCurve, computed: CycleValues, detector: Detector, signal_name: str) -> Complexes:
+    """(C,) value of a detector in each cycle of the computed sweep."""
     if detector == "peak":
         return computed.peak.astype(complex)
     if detector == "rms":
@@ -272,35 +271,35 @@ def _detector_readings(curve: SweepCurve, computed: CycleValues, detector: Detec
     first = np.flatnonzero(curve.orders == 1.0)
     if not first.size:
         raise measurement_error(
-            f"{where} is compared with the fundamental, which the sweep did not track",
+            f"{signal_name} is compared with the fundamental, which the sweep did not compute",
             "add 1 to sweep.orders, or use --detector peak",
         )
     return np.asarray(computed.harmonics[first[0]])
 
 
-MOST_OF_FDAC = 120  # frequencies of an FDAC matrix, on each side
+LARGEST_FDAC = 120  # rows and columns of an FDAC matrix
 
 
 def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
-    """FDAC of the channels of one quantity that share their frequencies; None of fewer than two."""
+    """FDAC of the channels of one quantity with common frequencies; None for fewer than two."""
     if len(channels) < 2 or len({channel.quantity for channel in channels}) > 1:
         return None
     f = channels[0].frequency_hz
     if any(not np.array_equal(channel.frequency_hz, f) for channel in channels):
         return None
-    some = np.unique(np.linspace(0, f.size - 1, min(f.size, MOST_OF_FDAC)).round().astype(int))
+    some = np.unique(np.linspace(0, f.size - 1, min(f.size, LARGEST_FDAC)).round().astype(int))
     predicted = np.array([channel.predicted[some] for channel in channels])
     measured = np.array([channel.measured[some] for channel in channels])
     return Assurance(f[some], f[some], modal_assurance(predicted, measured))
 
 
-SAME_PEAK = 0.15  # relative difference of the frequencies of two peaks that may be the same
+SAME_PEAK = 0.15  # relative frequency difference up to which two peaks can be paired
 
 
 def _peak_pairs(curve: SweepCurve, predicted: tuple[Floats, Floats], recorded: tuple[Floats, Floats]) -> list[PeakPair]:
-    """Peaks of the measured response, each with a computed one: the nearest pairs first, and in the same order.
+    """Pair the peaks of the measured response with computed ones: nearest pairs first, in the same order.
 
-    Both were swept at the rate of the computed curve.
+    Both responses were swept at the rate of the computed curve.
     """
     computed, measured = (peaks_of(*each, curve.rate_at(each[0])) for each in (predicted, recorded))
     nearness = sorted(
@@ -327,103 +326,106 @@ def _channel_summary(channel: SweptComparison) -> dict[str, Any]:
     return {**{name: getattr(channel, name) for name in names}, "peaks": peaks}
 
 
-FEWEST_SAMPLES = 5.0  # a cycle of the highest frequency
-RESPONSE_OFF = 0.1  # the same of responses, whose phases turn at resonances; that of noise is 0.25
-STEP = 0.15  # of the frequency, between trials of the beginning
+FEWEST_SAMPLES = 5.0  # samples per cycle of the highest frequency
+# largest relative frequency error of responses, whose phases turn at resonances; noise gives 0.25
+LARGEST_RESPONSE_ERROR = 0.1
+TRIAL_STEP = 0.15  # relative frequency step between trial starts
 
 
 @dataclass(frozen=True)
 class ReferenceRecord:
-    """A record that shows where a sweep begins, and the phases that its fundamental should have."""
+    """Record from which the start of a sweep is found, with the expected phases of its fundamental."""
 
     signal: MeasuredSignal
-    expected: Complexes | None = None  # (C,) fundamental of every cycle of the curve; None for the excitation
+    # (C,) fundamental of every cycle of the curve; None for the excitation
+    expected_fundamental: Complexes | None = None
 
 
 @dataclass(frozen=True)
 class RecordCycles:
-    """A record cut into the cycles of a sweep."""
+    """Values of a record in the cycles of a sweep."""
 
-    cycle: Ints  # (C,) their numbers in the curve
+    cycle: Ints  # (C,) numbers of the cycles in the curve
     frequency_hz: Floats  # (C,) increasing
     fundamental: Complexes  # (C,) a - ib of a cos(phase) + b sin(phase)
     peak: Floats  # (C,) largest magnitude
-    rms: Floats  # (C,) mean included
+    rms: Floats  # (C,) with the mean
 
 
-LEAST_MOVE = 1e-6  # of the frequency: the beginning of a record is not moved by less
+LEAST_CORRECTION = 1e-6  # relative frequency error below which the start is not corrected
 
 
-def beginning(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
-    """Time of the records at which a curve of the sweep begins, s: where their frequency is that of the sweep.
+def find_start(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
+    """Time in the records at which a curve of the sweep begins, s: their frequency is then that of the sweep.
 
-    The phase of a fundamental drifts from cycle to cycle by the relative error of the frequency. Phases of responses
-    turn at resonances besides, by what the sweep expects and, where its resonances are elsewhere, in a few cycles
-    more: the median over the cycles is the error.
+    The phase of the fundamental drifts from cycle to cycle by the relative frequency error. Phases of responses also
+    turn at resonances, as the sweep predicts; if the measured resonances differ, in a few further cycles. The error is
+    therefore the median over the cycles.
     """
     start, end = records[0].signal.x[0], records[0].signal.x[-1]
     slope = np.abs(np.gradient(curve.frequency_hz, curve.time))
-    step = STEP * float(np.min(curve.frequency_hz / slope))
+    step = TRIAL_STEP * float(np.min(curve.frequency_hz / slope))
     latest = max(float(end - curve.time[-1] + curve.time[0]), float(start))
     trials = np.linspace(start, latest, int(np.clip(np.ceil((latest - start) / step) + 1, 1, 200)))
-    begin = min((float(b) for b in trials), key=lambda b: _off(curve, records, b))
-    for _ in range(20 if _off(curve, records, begin) < RESPONSE_OFF + STEP else 0):
+    begin = min((float(b) for b in trials), key=lambda b: _frequency_error(curve, records, b))
+    for _ in range(20 if _frequency_error(curve, records, begin) < LARGEST_RESPONSE_ERROR + TRIAL_STEP else 0):
         moves = [_delay(curve, record, begin) for record in records]
         move = float(np.nanmedian(np.concatenate(moves)))
         begin -= move
-        if abs(move) * float(np.max(slope / curve.frequency_hz)) < LEAST_MOVE:
+        if abs(move) * float(np.max(slope / curve.frequency_hz)) < LEAST_CORRECTION:
             break
     return begin
 
 
-EXCITATION_OFF = 0.03  # of the frequency, in the median over the cycles: then an excitation does not follow the sweep
+LARGEST_EXCITATION_ERROR = 0.03  # largest median frequency error of an excitation that follows the sweep
 
 
-def _check_beginning(curve: SweepCurve, records: Sequence[ReferenceRecord], begin: float) -> None:
-    """Refuse records whose frequency is not that of the sweep.
+def _check_start(curve: SweepCurve, records: Sequence[ReferenceRecord], start_s: float) -> None:
+    """Refuse records that do not have the frequency of the sweep.
 
     Raises
     ------
     ScenarioError
-        With the relative error of the frequency.
+        With the relative frequency error.
     """
-    off = _off(curve, records, begin)
-    if off > (EXCITATION_OFF if records[0].expected is None else RESPONSE_OFF):
+    off = _frequency_error(curve, records, start_s)
+    if off > (LARGEST_EXCITATION_ERROR if records[0].expected_fundamental is None else LARGEST_RESPONSE_ERROR):
         names = ", ".join(record.signal.name for record in records)
         raise measurement_error(
-            f"{records[0].signal.source or names}: {names} does not follow the sweep that was computed: from "
-            f"{begin:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
-            "compute the sweep with the rate and range of the test; or say when it begins in the record (--begin), "
+            f"{records[0].signal.source or names}: {names} does not follow the computed sweep: from "
+            f"{start_s:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
+            "compute the sweep with the rate and range of the test; or give its start in the record (--begin), "
             "or which channel is the excitation (--reference)",
         )
 
 
-def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> RecordCycles:
-    """Fundamental, peak and rms of each cycle that lies in the record.
+def track(curve: SweepCurve, signal: MeasuredSignal, start_s: float) -> RecordCycles:
+    """Fundamental, peak and rms of each cycle within the record.
 
     Parameters
     ----------
-    curve : of the sweep, which says when each cycle begins.
-    signal : the record, a time history.
-    begin : time of the record at which the curve begins, s.
+    curve : curve of the sweep, which defines the cycles.
+    signal : time history.
+    start_s : time in the record at which the curve begins, s.
 
     Returns
     -------
-    Tracked
+    RecordCycles
 
     Raises
     ------
     ScenarioError
-        If the record has fewer than `FEWEST_SAMPLES` in a cycle of the highest frequency, or ends before two cycles.
+        If the record has fewer than `FEWEST_SAMPLES` in a cycle of the highest frequency, or contains less than two
+        cycles.
     """
     from scipy.interpolate import CubicSpline
 
     where = signal.label
-    edges = curve.time - curve.time[0] + begin
+    edges = curve.time - curve.time[0] + start_s
     inside = np.flatnonzero((edges[:-1] >= signal.x[0]) & (edges[1:] <= signal.x[-1]))
     if inside.size < 2:
         raise measurement_error(
-            f"{where} holds {inside.size} cycles of the sweep, which begins at {begin:.4g} s of the record",
+            f"{where} contains {inside.size} cycles of the sweep, which begins at {start_s:.4g} s of the record",
             "record the whole sweep, or correct --begin",
         )
     rate = (signal.x.size - 1) / (signal.x[-1] - signal.x[0])
@@ -434,13 +436,13 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> RecordCycl
             f"use a record of {FEWEST_SAMPLES:g} samples a cycle or more",
         )
     count = int(np.clip(2 ** np.ceil(np.log2(rate / np.median(curve.frequency_hz[inside]))), 64, 1024))
-    share = (np.arange(count) + 0.5) / count  # a cycle does not end as it begins: midpoint rule
+    share = (np.arange(count) + 0.5) / count  # midpoint rule, since a cycle does not end as it begins
     clock = CubicSpline(np.arange(edges.size), edges)
     turns = inside[:, None] + share
     history = CubicSpline(signal.x, np.asarray(signal.y, dtype=float))
     values = history(clock(turns))
     at_ends = np.abs(history(edges[np.stack([inside, inside + 1])])).max(axis=0)
-    weight = clock(turns, 1)  # the root mean square is over time, as that of the sweep is
+    weight = clock(turns, 1)  # the root mean square is an average over time, as in the sweep
     weight /= weight.sum(axis=1, keepdims=True)
     fundamental = np.asarray(values @ np.exp(-2j * np.pi * share) * (2.0 / count), dtype=complex)
     rising = np.argsort(curve.frequency_hz[inside], kind="stable")
@@ -453,35 +455,35 @@ def track(curve: SweepCurve, signal: MeasuredSignal, begin: float) -> RecordCycl
     )
 
 
-def filtered(values: Any, cycles: int) -> Any:
-    """(C - N + 1,) mean over each N successive cycles."""
+def moving_mean(values: Any, cycles: int) -> Any:
+    """(C - N + 1,) mean over N successive cycles."""
     return np.convolve(values, np.full(cycles, 1.0 / cycles), mode="valid") if cycles > 1 else values
 
 
-AT_REST = 1e-4  # of the largest value of a record: cycles that are as small tell no phase
+REST_SHARE = 1e-4  # relative to the largest value of a record; smaller cycles have no usable phase
 
 
-def _drift(curve: SweepCurve, record: ReferenceRecord, begin: float) -> tuple[Floats, Floats]:
-    """(C - 1,) frequencies of cycles, and relative errors of the frequency there; nan where nothing moves."""
-    of = track(curve, record.signal, begin)
+def _drift(curve: SweepCurve, record: ReferenceRecord, start_s: float) -> tuple[Floats, Floats]:
+    """(C - 1,) frequencies of cycles, and relative frequency errors; nan for cycles at rest."""
+    of = track(curve, record.signal, start_s)
     turned = of.fundamental[1:] * np.conj(of.fundamental[:-1])
-    moves = np.abs(turned) > (AT_REST * float(np.max(np.abs(record.signal.y)))) ** 2
-    if record.expected is not None:
-        expected = record.expected[of.cycle]
+    moves = np.abs(turned) > (REST_SHARE * float(np.max(np.abs(record.signal.y)))) ** 2
+    if record.expected_fundamental is not None:
+        expected = record.expected_fundamental[of.cycle]
         turned = turned * np.conj(expected[1:]) * expected[:-1]
     forward = 1.0 if curve.direction == "up" else -1.0
     return of.frequency_hz[1:], np.where(moves, forward * np.angle(turned) / (2 * np.pi), np.nan)
 
 
-def _off(curve: SweepCurve, records: Sequence[ReferenceRecord], begin: float) -> float:
-    """Median magnitude of the relative error of the frequency, which cannot exceed a half."""
-    error = np.concatenate([_drift(curve, record, begin)[1] for record in records])
+def _frequency_error(curve: SweepCurve, records: Sequence[ReferenceRecord], start_s: float) -> float:
+    """Median magnitude of the relative frequency error, at most one half."""
+    error = np.concatenate([_drift(curve, record, start_s)[1] for record in records])
     return float(np.median(np.nan_to_num(np.abs(error), nan=0.5)))
 
 
-def _delay(curve: SweepCurve, record: ReferenceRecord, begin: float) -> Floats:
-    """(C - 1,) time by which the record is ahead of the sweep, by the frequency of each cycle, s."""
-    frequency, error = _drift(curve, record, begin)
+def _delay(curve: SweepCurve, record: ReferenceRecord, start_s: float) -> Floats:
+    """(C - 1,) time by which the record is ahead of the sweep, from the frequency of each cycle, s."""
+    frequency, error = _drift(curve, record, start_s)
     rising = np.argsort(curve.frequency_hz, kind="stable")
     slope = np.gradient(curve.frequency_hz, curve.time)[rising]
     return np.asarray(error * frequency / np.interp(frequency, curve.frequency_hz[rising], slope))

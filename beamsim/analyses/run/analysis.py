@@ -163,7 +163,7 @@ def solve_run(
         datasets={**datasets, "events": motion.events, "modes": system.modes},
     )
     warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
-    warnings += [f"impacts and sliding count from {settings.from_:g} s on (run.from)"] if settings.from_ else []
+    warnings += [f"impacts and sliding are counted from {settings.from_:g} s on (run.from)"] if settings.from_ else []
     summary = summary_of_run(motion, values, spectra, needed, evaluation)
     if everything and sampled is not None:
         compute, unknown = partial(aliased_in_histories, motion, sampled), dict[str, float]()

@@ -1,4 +1,4 @@
-"""Designs that a search tries, each solved once, a local search among them, and how a search says that it did not end.
+"""Designs of a search, each solved once; a local search; and the outcome of a search that did not converge.
 
 Source of the local search: T. M. Ragonneau, Model-based derivative-free optimization methods and software, PhD thesis,
 The Hong Kong Polytechnic University, 2022.
@@ -20,98 +20,100 @@ from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.scenario.studies import Value
 from beamsim.typing import Bools, Floats
 
-APART = 0.1  # of a range, between designs from which local searches start
-NEAR = 0.03  # of a range, first steps of local searches from designs that are nearly the best
-RESOLUTION = 1e-3  # of the ranges, to which a best design is located
-ON_A_LIMIT = 1e-6  # by which a design stays away from a limit: less is round-off
-WORSE = 10.0  # of a difference between designs, as which what is not known counts
-BETTER = "it still found better ones"
+START_DISTANCE = 0.1  # of a range: least distance of designs from which local searches start
+FIRST_RADIUS = 0.03  # of a range: first steps of local searches from nearly optimal designs
+RESOLUTION = 1e-3  # of the ranges: tolerance of the best design
+LIMIT_MARGIN = 1e-6  # distance of a design from a limit; less is round-off
+PENALTY = 10.0  # times the difference between designs: value of an unknown design
+STILL_IMPROVING = "it still found better ones"
 
 
-def unfinished_search(tried: int, left_out: Sequence[str] = (BETTER,), more: str = "most_cases") -> Outcome:
-    """The outcome of a search that ended before it was done.
+def unfinished_search(
+    design_count: int, missing: Sequence[str] = (STILL_IMPROVING,), key: str = "most_cases"
+) -> Outcome:
+    """Outcome of a search that ended before it converged.
 
     Parameters
     ----------
-    tried : number of designs.
-    left_out : what it did not come to, each as a clause.
-    more : number in the scenario that ended it.
+    design_count : number of designs.
+    missing : what it did not reach, each as a clause.
+    key : key of the scenario that ended it.
     """
-    sentence = f"the search ended after {tried} designs while {' and '.join(left_out)}"
-    return Outcome.of(OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy=f"give more {more}", tried=tried)
+    sentence = f"the search ended after {design_count} designs while {' and '.join(missing)}"
+    return Outcome.of(
+        OutcomeKind.DOUBTFUL, "search_not_converged", sentence, remedy=f"give more {key}", tried=design_count
+    )
 
 
 def local_search(
-    merit: Callable[[Floats], float], beyond: Callable[[Floats], Floats], start: Floats, room: int,
+    merit: Callable[[Floats], float], excesses: Callable[[Floats], Floats], start: Floats, most_points: int,
     radii: tuple[float, float],
 ) -> tuple[Floats, bool]:  # fmt: skip
-    """A local search on the unit cube without derivatives (COBYQA), with limits.
+    """Derivative-free local search on the unit cube with limits (COBYQA).
 
     Parameters
     ----------
-    merit : to be small; of the order of one.
-    beyond : (limits,) to be negative; of the order of one.
-    start : (numbers,).
-    room : number of points at most.
-    radii : of the first steps and of the last.
+    merit : function to minimise, of the order of one.
+    excesses : (limits,) functions that must be negative, of the order of one.
+    start : (numbers,) initial point.
+    most_points : largest number of points.
+    radii : sizes of the first and the last steps.
 
     Returns
     -------
     (numbers,) array
-        Where it ended.
+        Final point.
     bool
-        Whether it settled there.
+        True if the search converged.
     """
     from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
     found: Any = minimize(
         merit, start, method="COBYQA", bounds=Bounds(0.0 * start, 0.0 * start + 1.0),
-        constraints=NonlinearConstraint(beyond, -np.inf, 0.0) if beyond(start).size else (),
-        options={"maxfev": room, "initial_tr_radius": radii[0], "final_tr_radius": radii[1]},
+        constraints=NonlinearConstraint(excesses, -np.inf, 0.0) if excesses(start).size else (),
+        options={"maxfev": most_points, "initial_tr_radius": radii[0], "final_tr_radius": radii[1]},
     )  # fmt: skip
     return found.x, bool(found.success)
 
 
 class SolvedPoints(NamedTuple):
-    """All designs that are solved."""
+    """All solved designs."""
 
     points: Floats  # (n, parameters) of the unit cube
-    values: Floats  # (n, objectives), small where good; infinite where a design has none
-    beyond: Floats  # (n, limits) by which share each limit is exceeded, negative where it is met
+    values: Floats  # (n, objectives), smaller is better; infinite if a design has none
+    excesses: Floats  # (n, limits) relative excess of each limit, negative if it is met
 
     @property
     def excess(self) -> Floats:
-        """(n,) the largest share by which a limit is exceeded, zero where all are met."""
-        return np.asarray(self.beyond.max(axis=1, initial=0.0))
+        """(n,) largest relative excess of a limit, zero if all are met."""
+        return np.asarray(self.excesses.max(axis=1, initial=0.0))
 
 
 class Designs:
-    """Designs with their objectives and by how much they exceed limits, each solved once.
+    """Designs with their objectives and excesses of limits, each solved once.
 
-    Points of the unit cube, of which each side is the range of a varied number, or a list of values or choices.
+    Designs are points of the unit cube, each side of which is the range of a varied number, or a list of values.
 
     Parameters
     ----------
-    plan : of the search.
-    evaluate : solves the cases.
+    plan : plan of the search.
+    evaluate : evaluator that solves the cases.
     """
 
     def __init__(self, plan: StudyPlan, evaluate: Evaluator) -> None:
         self.plan, self.evaluate = plan, evaluate
         self.known: dict[tuple[Value, ...], tuple[Floats, Floats]] = {}  # (objectives,), (limits,)
-        self.points: dict[tuple[Value, ...], Floats] = {}  # of the unit cube
-        self._every: SolvedPoints | None = None  # where nothing was solved since
-        self.free: Bools = np.array(
-            [not (p.values or p.integers_only) for p in plan.study.varied]
-        )  # ranges of real numbers
+        self.points: dict[tuple[Value, ...], Floats] = {}  # points of the unit cube
+        self._every: SolvedPoints | None = None  # None after a new design
+        self.free: Bools = np.array([not (p.values or p.integers_only) for p in plan.study.varied])  # real numbers
 
     def __call__(self, cube: Floats) -> tuple[Floats, Floats]:
-        """Objectives (objectives, n) and excess of the limits (n,) of points (n, parameters) of the unit cube."""
+        """Objectives (objectives, n) and excesses of the limits (n,) at points (n, parameters) of the unit cube."""
         values, beyond = self.objectives_and_excesses(cube)
         return values, beyond.max(axis=0, initial=0.0)
 
     def objectives_and_excesses(self, cube: Floats) -> tuple[Floats, Floats]:
-        """Objectives (objectives, n) and by which share each limit is exceeded (limits, n), negative if met."""
+        """Objectives (objectives, n) and relative excess of each limit (limits, n), negative if met."""
         rows = list(zip(*distributed(self.plan.study.varied, cube), strict=True))
         self.points |= {row: point for row, point in zip(rows, cube, strict=True) if row not in self.known}
         new = [row for row in dict.fromkeys(rows) if row not in self.known]
@@ -124,13 +126,15 @@ class Designs:
         count = len(objectives(self.plan.scenario))
         return np.reshape([of for of, _ in found], (len(rows), count)).T, np.transpose([of for _, of in found])
 
-    def signed_with(self, point: Floats, further: Callable[[int], list[CaseOutcome]]) -> tuple[float, Floats]:
-        """The first objective of a point with further realisations, and by which share it exceeds limits (limits,).
+    def objective_with_further(
+        self, point: Floats, further: Callable[[int], list[CaseOutcome]]
+    ) -> tuple[float, Floats]:
+        """First objective of a point with further realisations, and relative excesses of limits (limits,).
 
         Parameters
         ----------
-        point : (parameters,) of the unit cube.
-        further : gives the further realisations of a case by its number.
+        point : (parameters,) point of the unit cube.
+        further : function from the index of a case to its further realisations.
         """
         self(point[None])
         row = tuple(column[0] for column in distributed(self.plan.study.varied, point[None]))
@@ -141,7 +145,7 @@ class Designs:
 
     @property
     def all_designs(self) -> SolvedPoints:
-        """All designs that are solved, in the order in which they were tried."""
+        """All solved designs, in the order of their solution."""
         if self._every is None:
             columns = [(self.points[row], *of) for row, of in self.known.items()]
             self._every = SolvedPoints(*(np.array([each[k] for each in columns]) for k in range(3)))
@@ -149,7 +153,7 @@ class Designs:
 
     @property
     def design_count(self) -> int:
-        """Number of designs that were asked for."""
+        """Number of requested designs."""
         return len(self.evaluate.rows)
 
     @property
@@ -160,15 +164,15 @@ class Designs:
         ]
         return len(self.points) >= float(np.prod(counts))
 
-    def best_apart(self, taken: Sequence[Floats], goal: int = 0) -> Floats | None:
-        """The best point by an objective that meets every limit and lies apart from others; None without one."""
+    def best_away_from(self, others: Sequence[Floats], goal: int = 0) -> Floats | None:
+        """Best point by an objective that meets every limit and differs enough from others; None without one."""
         points, values, _ = self.all_designs
         kept = np.flatnonzero((self.all_designs.excess == 0.0) & np.isfinite(values[:, goal]))
         ranked = points[kept[np.argsort(values[kept, goal], kind="stable")]]
-        return next((p for p in ranked if all(np.max(np.abs(p - other)) >= APART for other in taken)), None)
+        return next((p for p in ranked if all(np.max(np.abs(p - other)) >= START_DISTANCE for other in others)), None)
 
-    def placed(self, design: Floats, numbers: Floats) -> Floats:
-        """A point (parameters,) with other numbers in its ranges."""
+    def with_numbers(self, design: Floats, numbers: Floats) -> Floats:
+        """Design (parameters,) with other numbers in its ranges."""
         design = design.copy()
         design[self.free] = numbers
         return design

@@ -73,7 +73,7 @@ CASES = Layout(
 )  # fmt: skip
 REALISATIONS = Layout(
     "realisations",
-    "Within tolerances, every realisation of every case, and the deviations, which are the same in all cases.",
+    "Every realisation of every case within its tolerances, and the deviations, which are the same in all cases.",
     {
         "case": Variable(_CASE, "1", "number of the case", int),
         "realisation": Variable(

@@ -1,4 +1,4 @@
-"""What a study asks for: responses, or sums of them, that shall be small or large; and what judges a case."""
+"""Objectives of a study: responses or sums of them to minimise or maximise, and the values that judge a case."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.studies.responses import describe, means
+from beamsim.analyses.studies.responses import describe, matches_request
 from beamsim.errors import ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.units import Dimension, UnitError, read_quantity
@@ -16,26 +16,26 @@ from beamsim.typing import Floats, Ints
 
 
 class Objective(NamedTuple):
-    """An objective: the value by which cases are compared."""
+    """Objective by which cases are compared."""
 
-    # quantities, whose worst place counts, or names of responses, by value that counts as one where they are added up;
-    # none: the smallest margin
+    # quantities (at their worst place) or names of responses, with the value that counts as one when they are added;
+    # empty: the smallest margin
     terms: tuple[tuple[str, float], ...] = ()
-    largest: bool = True  # whether large values are better
+    maximised: bool = True  # True if large values are better
 
     @property
     def sign(self) -> float:
-        """Factor of a value, 1 or -1, so that smaller is better."""
-        return -1.0 if self.largest else 1.0
+        """1 or -1: factor that makes smaller values better."""
+        return -1.0 if self.maximised else 1.0
 
     @property
     def text(self) -> str:
-        """For people."""
-        return f"{'largest' if self.largest else 'smallest'} {self.label}"
+        """Description, such as "smallest peak force"."""
+        return f"{'largest' if self.maximised else 'smallest'} {self.label}"
 
     @property
     def label(self) -> str:
-        """Label of the value that is to be large or small."""
+        """Label of the value to minimise or maximise."""
         return " + ".join(name.replace("/", " ").replace("_", " ") for name, _ in self.terms) or "margin"
 
     @property
@@ -44,11 +44,11 @@ class Objective(NamedTuple):
         return self.label.replace(" ", "_")
 
     def of(self, responses: Mapping[str, Floats]) -> Floats | None:
-        """Its values; None where it has no terms, or one of them means no response.
+        """Compute its values; None if it has no terms, or a term matches no response.
 
         Parameters
         ----------
-        responses : by name, of one shape; nan where not known.
+        responses : responses by name, all of one shape; nan if unknown.
 
         Returns
         -------
@@ -56,27 +56,27 @@ class Objective(NamedTuple):
         """
         total: Floats | None = None
         for name, one in self.terms:
-            asked = [values for response, values in responses.items() if means(name, response)]
+            asked = [values for response, values in responses.items() if matches_request(name, response)]
             if not asked:
                 return None
-            term = worst_of(asked, large_is_good=self.largest) / one
+            term = worst_of(asked, large_is_good=self.maximised) / one
             total = term if total is None else total + term
         return total
 
     def unit(self, responses: Iterable[str], output_units: Mapping[str, str]) -> str:
-        """Unit of its values; ``output_units`` by name of the scenario's outputs."""
+        """Unit of its values; ``output_units`` are the units of the scenario's outputs by name."""
         if len(self.terms) != 1:
             return "1"
-        return describe(next(name for name in responses if means(self.terms[0][0], name)), output_units)[0]
+        return describe(next(name for name in responses if matches_request(self.terms[0][0], name)), output_units)[0]
 
 
 def objectives(scenario: Scenario) -> tuple[Objective, ...]:
-    """Objectives of a study, one or two; by default the smallest margin of a case, which shall be large.
+    """Objectives of a study, one or two; by default maximise the smallest margin of a case.
 
     Raises
     ------
     ScenarioError
-        If a value that counts as one is none of its response.
+        If the value that counts as one has the wrong dimension.
     """
     units, found = scenario.output_units, list[Objective]()
     for goal in ("minimise", "maximise"):
@@ -99,25 +99,25 @@ def objectives(scenario: Scenario) -> tuple[Objective, ...]:
 
 
 def worst_of(columns: Sequence[Floats], *, large_is_good: bool) -> Floats:
-    """The worst of the known values of several arrays of one shape; nan where none is known."""
+    """Worst of the known values of several arrays of one shape; nan if none is known."""
     values = np.stack(columns)
     badness = np.where(np.isnan(values), -np.inf, -values if large_is_good else values)
     return np.asarray(np.take_along_axis(values, badness.argmax(axis=0)[None], axis=0)[0])
 
 
 def deciding_realisations(values: Floats, quantile: float, *, large_is_good: bool) -> Ints:
-    """The realisation of each case by which it is judged.
+    """Realisation of each case by which it is judged.
 
     Parameters
     ----------
     values : (cases, realisations)
-    quantile : of the values, from the good side; 1 is the worst.
-    large_is_good : whether that is the side of large values.
+    quantile : quantile of the values, counted from the good side; 1 is the worst.
+    large_is_good : True if large values are good.
 
     Returns
     -------
     (cases,) array
-        That at the quantile, or the first one that is not known.
+        The one at the quantile, or the first unknown one.
     """
     badness = -values if large_is_good else values
     order = np.argsort(badness, axis=1, kind="stable")  # nan comes last
@@ -127,10 +127,10 @@ def deciding_realisations(values: Floats, quantile: float, *, large_is_good: boo
 
 
 def deciding_values(values: Floats, quantile: float, *, large_is_good: bool) -> Floats:
-    """(cases,) values by which cases are judged, those of `deciding_realisations`."""
+    """(cases,) values of the realisations by which cases are judged, see `deciding_realisations`."""
     return of_realisation(values, deciding_realisations(values, quantile, large_is_good=large_is_good))
 
 
 def of_realisation(column: Floats, realisation: Ints) -> Floats:
-    """(cases,) values of a column (cases, realisations) at one realisation of each case."""
+    """(cases,) values of a column (cases, realisations) at the given realisation of each case."""
     return np.asarray(column[np.arange(realisation.size), realisation])

@@ -1,4 +1,4 @@
-"""The cases of a design study or an ensemble: which there are, and whether each is valid."""
+"""Cases of a design study or an ensemble: their list and their validity."""
 
 from __future__ import annotations
 
@@ -39,24 +39,24 @@ from beamsim.scenario.studies import (
 )
 from beamsim.typing import Floats
 
-MOST_CHECKED = 400  # cases checked before the first is solved
-ANALYSES = ("run", "swept_sine", "stepped", "continuation")  # of a case: a run, or the kind of sweep
-MOST_SHOWN = 5  # problems and failures in a message
+MOST_CHECKED = 400  # number of cases checked before the first is solved
+ANALYSES = ("run", "swept_sine", "stepped", "continuation")  # analyses of a case: a run, or the kind of sweep
+MOST_SHOWN = 5  # problems and failures in one message
 
 
 @dataclass(frozen=True)
 class Realisations:
-    """The same sample of deviations about every case; without tolerances only the case itself."""
+    """Sample of deviations, the same for every case; without tolerances only the case itself."""
 
     parameters: tuple[ToleratedParameter, ...] = ()
-    # (realisations, parameters) in shares of the tolerances, from -1 to 1; the first row, zero, is the case itself
+    # (realisations, parameters) in shares of the tolerances, from -1 to 1; the first row is zero
     deviations: Floats = field(default_factory=lambda: np.zeros((1, 0)))
-    quantile: float = 1.0  # by which a case is judged, counted from the good side
-    most_further: int = 0  # realisations that are solved to find the worst of the best cases
+    quantile: float = 1.0  # quantile that judges a case, counted from the good side
+    most_further_cases: int = 0  # largest number of realisations solved to find the worst of the best cases
 
     @classmethod
     def of(cls, scenario: Scenario) -> Realisations:
-        """The plan of a scenario with ``vary``."""
+        """Plan of a scenario with ``vary``."""
         asked = tolerances_of(scenario)
         if asked is None:
             return cls()
@@ -72,27 +72,27 @@ class Realisations:
 
     @property
     def count(self) -> int:
-        """Number of realisations of each case, the case itself among them."""
+        """Number of realisations of each case, with the case itself."""
         return int(self.deviations.shape[0])
 
     @property
     def judged_by_worst(self) -> bool:
-        """Whether a case is judged by the worst that its tolerances allow, and not by a quantile."""
+        """True if the worst realisation judges a case, not a quantile."""
         return self.count > 1 and self.quantile == 1.0
 
     def values(self, case: Scenario, deviations: Iterable[float]) -> dict[Path, float]:
-        """The numbers of a realisation by place; each deviates from what it is in the case, or follows from there.
+        """Numbers of a realisation by place, from their values in the case and their deviations.
 
         Parameters
         ----------
-        case : the scenario without deviations.
-        deviations : of each number, as a share of its tolerance.
+        case : scenario without deviations.
+        deviations : deviation of each number, as a share of its tolerance.
         """
         values: dict[Path, float] = {}
         for parameter, deviation in zip(self.parameters, deviations, strict=True):
             written = value_at(case, parameter.parameter.places[0])
             if written is None:
-                message = "has a tolerance, and no value in this case"
+                message = "has a tolerance but no value in this case"
                 raise ScenarioError.at(parameter.parameter.path, message, "leave out the tolerance, or such choices")
             nominal = float(written)
             value = nominal + float(deviation) * parameter.reach(nominal)
@@ -100,7 +100,7 @@ class Realisations:
         return values
 
     def as_data(self) -> list[Any]:
-        """Plain data of all that the cases depend on; empty without tolerances."""
+        """Plain data that the cases depend on; empty without tolerances."""
         deviations = [] if self.count == 1 else self.deviations.tolist()
         return [
             *([x.path, p.share, x.low, x.high, x.places] for p in self.parameters for x in (p.parameter,)),
@@ -109,36 +109,36 @@ class Realisations:
 
 
 class ParameterColumn(NamedTuple):
-    """A varied parameter in every case."""
+    """Varied parameter with its values in every case."""
 
     path: str  # in the scenario
     values: NDArray[Any]  # (cases,) SI numbers or words
-    unit: str  # "1" of words
+    unit: str  # "1" for words
 
     @property
     def numeric(self) -> bool:
-        """Whether the values are numbers."""
+        """True if the values are numbers."""
         return self.values.dtype.kind == "f"
 
     @property
     def label(self) -> str:
-        """The parameter in words: ``tip gap`` for ``snubbers.tip.gap``."""
+        """Label of the parameter, such as ``tip gap`` for ``snubbers.tip.gap``."""
         return parameter_label(self.path)
 
 
 @dataclass(frozen=True)
 class Study:
-    """Common data of the cases of a study."""
+    """Data shared by the cases of a study."""
 
     analysis: str
-    case: Scenario  # as it was written
+    case: Scenario  # as written
     varied: tuple[VariedParameter, ...]
     realisations: Realisations
-    asked: tuple[str, ...]  # responses; empty for all
+    requested: tuple[str, ...]  # responses; empty for all
     fingerprint: str
 
     def scenario(self, case: Case) -> Scenario:
-        """The scenario of a case; raises a ScenarioError if it is invalid."""
+        """Scenario of a case; raises a ScenarioError if it is invalid."""
         scenario = with_parameters(self.case, self.varied, case.values)
         if case.realisation or case.deviations:
             deviations = case.deviations or self.realisations.deviations[case.realisation].tolist()
@@ -149,12 +149,12 @@ class Study:
 
     @property
     def section(self) -> str:
-        """The section of the scenario that says what is done with a case."""
+        """Section of the scenario that defines the analysis of a case."""
         return "run" if self.analysis == "run" else "sweep"
 
 
 def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], values: Iterable[Value]) -> Scenario:
-    """The scenario with these values of varied parameters, the choices of catalogues before the numbers."""
+    """Copy of the scenario with values of varied parameters, choices of catalogues before numbers."""
     given = dict[Path, Value]()
     for parameter, value in zip(varied, values, strict=True):
         scenario = replace_values(scenario, parameter.choices.get(str(value), {}))
@@ -163,58 +163,58 @@ def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], value
 
 
 def design(scenario: Scenario, case: Mapping[str, Any]) -> Scenario:
-    """The scenario of a case, as ``best`` and ``as_it_is`` of the summary have it, or of numbers, without the study.
+    """Scenario of a case, given as an entry ``best`` or ``as_it_is`` of the summary or as numbers, without the study.
 
-    Its paths of files begin at the root.
+    Its file paths are absolute.
     """
     called, varied = f"design {case['case'] + 1}" if "case" in case else "design point", varied_parameters(scenario)
     title = f"{scenario.title}, {called}".removeprefix(", ")
     alone = scenario.model_copy(update={"vary": None, "optimise": None, "title": title})
-    alone = replace_values(alone, scenario.whole_paths(alone))  # it has no folder that they could be relative to
+    alone = replace_values(alone, scenario.whole_paths(alone))  # it has no folder for relative paths
     alone = with_random_amplitudes(alone, varied)
     return with_parameters(alone, varied, case["parameters"].values()).recheck()
 
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The cases to be computed, in order; the realisations of a case within its tolerances follow each other."""
+    """Cases to be computed, in order; the realisations of a case follow each other."""
 
     scenario: Scenario
     kind: str
-    points: tuple[int, ...]  # of a grid the number of values of each parameter; else none
+    points: tuple[int, ...]  # number of values of each parameter of a grid; else empty
     study: Study
-    cases: tuple[Case, ...]  # of a search only the first one, the scenario as it is
-    most: int  # number of cases that are solved at most, each with its realisations
+    cases: tuple[Case, ...]  # of a search only the first one, the unchanged scenario
+    most_cases: int  # largest number of solved cases, each with its realisations
 
     @property
     def searches(self) -> bool:
-        """Whether a search asks for the cases one after the other, so that none is known beforehand."""
+        """True if a search requests the cases one after the other, so that they are not known beforehand."""
         return self.kind in ("optimise", "reliability")
 
-    def of(self, rows: Sequence[tuple[Value, ...]]) -> StudyPlan:
-        """The same plan for cases with these values of the varied parameters."""
+    def with_rows(self, rows: Sequence[tuple[Value, ...]]) -> StudyPlan:
+        """The same plan for cases with other values of the varied parameters."""
         each = product(rows, range(self.study.realisations.count))
         return replace(self, cases=tuple(Case(k, row, realisation) for k, (row, realisation) in enumerate(each)))
 
     @cached_property
     def parameters(self) -> tuple[ParameterColumn, ...]:
-        """The varied parameters with their values in every case."""
+        """Varied parameters with their values in every case."""
         rows = [case.values for case in self.cases if not case.realisation]
         return tuple(_column(parameter, [row[k] for row in rows]) for k, parameter in enumerate(self.study.varied))
 
     def values_in(self, case: int) -> dict[str, Value]:
-        """The values of the varied parameters in a case by path."""
+        """Values of the varied parameters in a case, by path."""
         values = self.cases[case * self.study.realisations.count].values
         return dict(zip((parameter.path for parameter in self.study.varied), values, strict=True))
 
     @property
     def fingerprint(self) -> str:
-        """Hash of all that the responses depend on."""
+        """Hash of everything that the responses depend on."""
         return self.study.fingerprint
 
     @property
     def convergence(self) -> str | None:
-        """Which cases are compared with a finer model: all (on), none (off), or those that decide (None)."""
+        """Cases to compare with a finer model: all ("on"), none ("off"), or the deciding ones (None)."""
         return getattr(getattr(self.scenario, self.study.section), "convergence", None)
 
 
@@ -249,9 +249,9 @@ def plan_designs(scenario: Source) -> StudyPlan:
         _check_response(scenario, name, f"{vary.section}.{key}")
     if isinstance(vary, Optimise) and not needed and scenario.limits is None:
         raise scenario.located(ScenarioError.at(
-            "optimise.minimise", "is missing, and there are no limits", "give what is to be small: minimise: peak_force"
+            "optimise.minimise", "is missing, and there are no limits", "give for example minimise: peak_force"
         ))  # fmt: skip
-    objectives(scenario)  # whose values that count as one may be none
+    objectives(scenario)  # also checks the values that count as one
     names = tuple(name for _, name in needed)
     given = vary.responses or (names if isinstance(vary, Optimise) else ())
     if isinstance(vary, Reliability) and scenario.limits is not None:
@@ -267,9 +267,9 @@ def plan_draws(
 
     Parameters
     ----------
-    scenario : with a ``run``, or a ``sweep``; what it says in ``vary`` is not used.
-    draws : by path of a number of the scenario its values, all equally many: SI numbers, or text with units.
-    responses : quantities or names of responses that are computed, by default all.
+    scenario : scenario with a ``run`` or a ``sweep``; its ``vary`` is ignored.
+    draws : equally many values for each path: SI numbers, or text with units.
+    responses : quantities or names of responses to compute; all by default.
 
     Returns
     -------
@@ -278,8 +278,7 @@ def plan_draws(
     Raises
     ------
     ScenarioError
-        If a path does not exist or names the same number as another one, a value is not one of its field, or numbers of
-        values differ.
+        If a path does not exist, two paths name the same number, a value is not valid, or the numbers of values differ.
     """
     if not draws:
         raise ScenarioError.at("draws", "is empty", "give values by path: {'snubbers.tip.gap': [0.0, 1e-4]}")
@@ -292,7 +291,7 @@ def plan_draws(
 
 
 def _values_by_path(draws: Mapping[str, Sequence[Value] | NDArray[Any]]) -> dict[str, list[Any]]:
-    """The values of each path; raises a ScenarioError where they are no row of numbers or words."""
+    """Values of each path; raises a ScenarioError if they are not a one-dimensional sequence of numbers or words."""
     listed, problems = dict[str, list[Any]](), []
     for path, values in draws.items():
         try:
@@ -315,12 +314,12 @@ def _values_by_path(draws: Mapping[str, Sequence[Value] | NDArray[Any]]) -> dict
 
 
 def check_cases(plan: StudyPlan) -> None:
-    """Check that the scenario of each case is valid; of many cases only an evenly spaced selection.
+    """Check that the scenario of each case is valid; of many cases, an evenly spaced selection.
 
     Raises
     ------
     ScenarioError
-        With the first invalid cases and their problems.
+        For the first invalid cases, with their problems.
     """
     problems: list[Problem] = []
     step = max(1, -(-len(plan.cases) // MOST_CHECKED))
@@ -340,25 +339,25 @@ def check_cases(plan: StudyPlan) -> None:
         raise plan.scenario.located(ScenarioError(problems[:MOST_SHOWN]))
 
 
-def _check_response(scenario: Scenario, name: str, where: str) -> None:
+def _check_response(scenario: Scenario, name: str, key: str) -> None:
     quantity = name.rpartition("/")[2]
     if quantity not in BY_NAME:
         remedy = suggestion(quantity, BY_NAME, "the quantities are")
-        raise scenario.located(ScenarioError.at(where, f"= {name} is not a response", remedy))
+        raise scenario.located(ScenarioError.at(key, f"= {name} is not a response", remedy))
     *_, section, place = ("", "", *name.split("/")[:-1])
     if section in ("probes", "snubbers", "outputs"):
         known = [item.name for item in getattr(scenario, "all_snubbers" if section == "snubbers" else section)]
         if known and place not in known:
             remedy = suggestion(place, known, f"the {section} are")
-            raise scenario.located(ScenarioError.at(where, f"= {name} names no response: no {place}", remedy))
+            raise scenario.located(ScenarioError.at(key, f"= {name} names no response: no {place}", remedy))
 
 
 def _requested_responses(
-    scenario: Scenario, responses: Sequence[str], where: str, objectives: tuple[str, ...] = ()
+    scenario: Scenario, responses: Sequence[str], key: str, objectives: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
-    """The responses asked for, the objectives, and those that limits are compared with; empty for all."""
+    """Requested responses, objectives, and responses with limits; empty for all."""
     for k, name in enumerate(responses):
-        _check_response(scenario, name, f"{where}[{k}]")
+        _check_response(scenario, name, f"{key}[{k}]")
     if not responses:
         return ()
     limits = () if scenario.limits is None else scenario.limits.values_by_name
@@ -368,7 +367,7 @@ def _requested_responses(
 
 
 def analysis_of(scenario: Scenario) -> str:
-    """Analysis of each case: its sweep, else its run."""
+    """Analysis of each case: its sweep, or else its run."""
     kind = "run" if scenario.sweep is None else str(scenario.sweep.kind)
     if kind not in ANALYSES:
         raise ScenarioError.at(
@@ -386,7 +385,7 @@ def _plan(
     kind: str,
     varied: tuple[VariedParameter, ...],
     columns: list[list[Value]],
-    asked: tuple[str, ...],
+    requested: tuple[str, ...],
     realisations: Realisations,
 ) -> StudyPlan:
     _refuse_names_of_responses(scenario, varied)
@@ -395,22 +394,24 @@ def _plan(
     analysis = analysis_of(scenario)
     search = as_plain_data(scenario.vary if kind == "reliability" else scenario.optimise)
     fingerprint = fingerprint_of(
-        scenario, analysis, kind, search, as_plain_data(case), places, columns, asked, realisations.as_data()
+        scenario, analysis, kind, search, as_plain_data(case), places, columns, requested, realisations.as_data()
     )
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
-    study = Study(analysis, replace_values(case, scenario.whole_paths(case)), varied, realisations, asked, fingerprint)
+    study = Study(
+        analysis, replace_values(case, scenario.whole_paths(case)), varied, realisations, requested, fingerprint
+    )
     most = getattr(scenario.study, "most_cases", len(rows))
     points = tuple(map(len, columns)) if kind == "grid" else ()
-    return StudyPlan(scenario, kind, points, study, (), most).of(rows)
+    return StudyPlan(scenario, kind, points, study, (), most).with_rows(rows)
 
 
 def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:
-    """Refuse names of parameters that responses of the result have: all are columns of one table.
+    """Refuse parameter names that the result uses for responses: all are columns of one table.
 
     Raises
     ------
     ScenarioError
-        With each of them.
+        For each of them.
     """
     study = scenario.study
     where = {} if study is None else {
@@ -430,13 +431,13 @@ def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParame
 
 
 def fingerprint_of(scenario: Scenario, *data: Any) -> str:
-    """Hash of plain data, and of the contents of the files that a scenario names."""
+    """Hash of plain data, and of the contents of the scenario's files."""
     contents = {key: record.get("sha256") for key, record in scenario.file_records(unchanged_only=False).items()}
     return hashlib.sha256(json.dumps([*data, contents], sort_keys=True).encode()).hexdigest()
 
 
 def _case(scenario: Scenario, varied: Sequence[VariedParameter]) -> Scenario:
-    """The scenario without unused sections; noise of several seeds has random amplitudes by default."""
+    """Scenario without unused sections; random inputs with several seeds have random amplitudes by default."""
     unused = ("vary", "optimise", "identify_stiffness", "nnm")
     case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
     for name in ("run", "sweep"):
@@ -447,7 +448,7 @@ def _case(scenario: Scenario, varied: Sequence[VariedParameter]) -> Scenario:
 
 
 def with_random_amplitudes(scenario: Scenario, varied: Iterable[VariedParameter]) -> Scenario:
-    """The scenario whose inputs with a varied seed have random amplitudes, where the scenario does not say which."""
+    """Scenario with random amplitudes for inputs with a varied seed, unless the scenario defines them."""
     changed = {
         (*place[:-1], "amplitudes"): "random"
         for place in varied_seeds(varied)
@@ -457,14 +458,14 @@ def with_random_amplitudes(scenario: Scenario, varied: Iterable[VariedParameter]
 
 
 def varied_seeds(varied: Iterable[VariedParameter]) -> list[Path]:
-    """Where the seeds of inputs are that a study varies: each is another realisation of a random or matched input."""
+    """Paths of varied seeds: each seed is another realisation of a random or matched input."""
     return [
         place for parameter in varied for place in parameter.places if place[0] == "excitation" and place[-1] == "seed"
     ]
 
 
 def _column(parameter: VariedParameter, values: list[Value]) -> ParameterColumn:
-    """The values of a parameter; words, shares of a length among them, say their unit themselves."""
+    """Column of a parameter; words (such as shares of a length) contain their own unit."""
     if not any(isinstance(value, str) for value in values):
         return ParameterColumn(parameter.path, np.array(values, dtype=float), parameter.unit)
     unit = parameter.unit.removeprefix("1")
@@ -478,7 +479,7 @@ def _assignment_text(column: ParameterColumn, value: Value) -> str:
 
 
 def listed_values(parameter: VariedParameter) -> list[Value]:
-    """The values of a list or of an evenly spaced range."""
+    """Values of a list or of an evenly spaced range."""
     if parameter.values:
         return list(parameter.values)
     spaced = np.geomspace if parameter.spacing == "logarithmic" else np.linspace
@@ -490,19 +491,19 @@ def listed_values(parameter: VariedParameter) -> list[Value]:
 
 
 def one_at_a_time(varied: tuple[VariedParameter, ...]) -> list[list[Value]]:
-    """The scenario's own values, then each value of every parameter, the others being as in the scenario."""
+    """The unchanged scenario, then each value of every parameter with the others unchanged."""
     nominal = [int(p.nominal) if p.integers_only and not isinstance(p.nominal, str) else p.nominal for p in varied]
     rows = [nominal]
     for k, parameter in enumerate(varied):
-        others = [v for v in listed_values(parameter) if not _same(v, nominal[k])]
+        others = [v for v in listed_values(parameter) if not _same_values(v, nominal[k])]
         rows += [[*nominal[:k], value, *nominal[k + 1 :]] for value in others]
     return [list(column) for column in zip(*rows, strict=True)]
 
 
-def _same(one: Value, other: Value) -> bool:
-    if isinstance(one, str) or isinstance(other, str):
-        return one == other
-    return math.isclose(one, other, rel_tol=1e-12)
+def _same_values(first: Value, second: Value) -> bool:
+    if isinstance(first, str) or isinstance(second, str):
+        return first == second
+    return math.isclose(first, second, rel_tol=1e-12)
 
 
 def latin_hypercube(
@@ -512,10 +513,10 @@ def latin_hypercube(
 
     Parameters
     ----------
-    varied : with their ranges and distributions.
+    varied : parameters with ranges and distributions.
     samples : number of cases.
-    seed : of the random numbers.
-    correlations : of pairs of them.
+    seed : seed of the random numbers.
+    correlations : rank correlations of pairs.
 
     Returns
     -------
@@ -525,7 +526,7 @@ def latin_hypercube(
     Raises
     ------
     ScenarioError
-        If there are no numbers with these correlations.
+        If no numbers have these correlations.
     """
     from scipy.stats.qmc import LatinHypercube
 
@@ -534,10 +535,10 @@ def latin_hypercube(
 
 
 def _correlate(paths: list[str], cube: Floats, correlations: Sequence[Correlation]) -> Floats:
-    """The columns of a sample put into orders that have the rank correlations of a Gaussian copula.
+    """Reorder the columns of a sample to obtain the rank correlations of a Gaussian copula.
 
     Source: R. L. Iman and W. J. Conover, Communications in Statistics B 11 (1982) 311-334. A rank correlation r of
-    normal numbers belongs to the correlation 2 sin(pi r / 6) of them.
+    normal numbers corresponds to their correlation 2 sin(pi r / 6).
     """
     from scipy.stats import norm
 
@@ -548,7 +549,7 @@ def _correlate(paths: list[str], cube: Floats, correlations: Sequence[Correlatio
 
 
 def mixing(paths: list[str], correlations: Sequence[Correlation]) -> Floats:
-    """The triangular matrix that makes normal numbers with rank correlations of independent ones."""
+    """Triangular matrix that turns independent normal numbers into numbers with given rank correlations."""
     wanted = np.eye(len(paths))
     for each in correlations:
         i, j = map(paths.index, each.between)
@@ -557,7 +558,7 @@ def mixing(paths: list[str], correlations: Sequence[Correlation]) -> Floats:
         return np.asarray(np.linalg.cholesky(wanted), dtype=float)
     except np.linalg.LinAlgError:
         pairs = ", ".join(f"{each.coefficient:g} of {' and '.join(each.between)}" for each in correlations)
-        message = f"asks for rank correlations that no numbers have together: {pairs}"
+        message = f"asks for rank correlations that are not possible together: {pairs}"
         raise ScenarioError.at("vary", message, "state the third one of three, or smaller ones") from None
 
 
@@ -568,9 +569,9 @@ def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[
 
     Parameters
     ----------
-    varied : k parameters with their ranges and distributions.
-    samples : n rows of A and of B.
-    seed : of the random numbers.
+    varied : k parameters with ranges and distributions.
+    samples : number n of rows of A and of B.
+    seed : seed of the random numbers.
 
     Returns
     -------
@@ -600,7 +601,7 @@ def distributed(varied: tuple[VariedParameter, ...], cube: Floats) -> list[list[
         if parameter.spacing == "logarithmic":
             values = low * (high / low) ** u
         elif parameter.distribution == "normal":
-            deviation = truncnorm.ppf(u, -3.0, 3.0) / 3.0  # three standard deviations are the tolerance
+            deviation = truncnorm.ppf(u, -3.0, 3.0) / 3.0  # the tolerance is three standard deviations
             values = 0.5 * (low + high) + 0.5 * (high - low) * deviation
         elif parameter.values:
             places = np.minimum(np.floor(u * len(parameter.values)), len(parameter.values) - 1).astype(int)

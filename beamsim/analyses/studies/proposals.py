@@ -1,9 +1,9 @@
-"""Designs that a model of the known ones says to improve a front of two objectives.
+"""Designs that a surrogate model of the known designs predicts to improve a front of two objectives.
 
-The model interpolates objectives and limits between the designs that are solved, by multiquadrics (R. L. Hardy, Journal
-of Geophysical Research 76 (1971) 1905-1915), which follow kinks, too. Of random designs about the front those are
-proposed that add the largest area to what the front dominates, one after the other (J. Mueller, SOCEMO, INFORMS Journal
-on Computing 29 (2017) 581-596, has surrogates of several objectives).
+The model interpolates objectives and limits between the solved designs by multiquadrics (R. L. Hardy, Journal of
+Geophysical Research 76 (1971) 1905-1915), which also follow kinks. Of random designs near the front, those are proposed
+that add the largest dominated area, one after the other (compare J. Mueller, SOCEMO, INFORMS Journal on Computing 29
+(2017) 581-596).
 """
 
 from __future__ import annotations
@@ -17,63 +17,63 @@ from beamsim.analyses.studies.table import efficient
 from beamsim.scenario.studies import VariedParameter
 from beamsim.typing import Bools, Floats, Ints
 
-SCALES = (0.2, 0.05, 0.0125, 0.003)  # of the ranges, by which designs about the front differ from one of it
+SCALES = (0.2, 0.05, 0.0125, 0.003)  # of the ranges: distances of random designs from the front
 PER_SCALE = 500  # random designs of each scale
-CHANGED = 0.7  # of the numbers of a design, in such a design
-SWAPPED = 0.5  # of its choices, where choices are changed
-BEYOND_ENDS = 0.3  # of the distance between neighbours in the front, on the line through them
-MOST_MODELLED = 600  # designs that are interpolated, those nearest to the front
-SHARPNESS = 10.0  # of the multiquadrics, over the length of a range: a tenth of it is smooth
-SMOOTHING = 1e-9  # which keeps the equations regular where designs are close
-FAR = 1.5  # ranges of the objectives behind the front, beyond which values do not matter
-MOST_EXCESS = 0.3  # of a limit, beyond which values do not matter
-INSIDE = 1e-4  # of a limit, by which a proposal meets it
-REFERENCE = 1.1  # ranges of the objectives, up to which the area counts
-CHOICE = 0.5  # of a range, times the square root of two: distance between designs of different choices
-DIGITS = 4  # of the coordinates, in which a proposal differs from what is known
+CHANGED_SHARE = 0.7  # share of the numbers that are changed
+CHANGED_CHOICES = 0.5  # share of the choices that are changed, if any
+BEYOND_ENDS = 0.3  # of the distance between neighbours in the front: extrapolation along the line through them
+MOST_MODELLED = 600  # number of designs in the model, those nearest to the front
+SHARPNESS = 10.0  # of the multiquadrics, over the length of a range: they are smooth below a tenth of it
+SMOOTHING = 1e-9  # keeps the equations regular if designs are close
+FARTHEST_VALUE = 1.5  # ranges of the objectives behind the front, beyond which values are ignored
+MOST_EXCESS = 0.3  # of a limit, beyond which values are ignored
+LIMIT_MARGIN = 1e-4  # of a limit: margin of a proposal
+REFERENCE = 1.1  # ranges of the objectives up to which the area counts
+CHOICE = 0.5  # of a range, times the square root of two: distance of designs with different choices
+DIGITS = 4  # of the coordinates, by which a proposal must differ from known designs
 
 
 def propose_designs(
     varied: Sequence[VariedParameter], known: SolvedPoints, front: Ints, count: int, generator: np.random.Generator
 ) -> Floats:
-    """New designs that improve a front by the model of all known ones; without a front those nearest to the limits.
+    """Propose new designs that improve a front by the model; without a front, those nearest to the limits.
 
     Parameters
     ----------
-    varied : parameters.
-    known : designs that are solved.
-    front : (m,) of these the numbers of those in the front, by the first objective.
-    count : number of proposals at most.
-    generator : of all random numbers.
+    varied : the parameters.
+    known : the solved designs.
+    front : (m,) indices of the designs in the front, sorted by the first objective.
+    count : largest number of proposals.
+    generator : source of all random numbers.
 
     Returns
     -------
     (n, parameters) array
-        Points of the unit cube; fewer than ``count`` where the model knows nothing better.
+        Points of the unit cube; fewer than ``count`` if the model predicts no more improvements.
     """
-    usable = np.flatnonzero(np.isfinite(known.values).all(axis=1) & np.isfinite(known.beyond).all(axis=1))
+    usable = np.flatnonzero(np.isfinite(known.values).all(axis=1) & np.isfinite(known.excesses).all(axis=1))
     if not usable.size:
         return generator.random((count, len(varied)))
     parents = front if front.size else usable[np.argsort(known.excess[usable], kind="stable")[:count]]
     low, ranges = known.values[parents].min(axis=0), ranges_of(known, parents)
     scaled = (known.values[usable] - low) / ranges
-    objectives, beyond = np.minimum(scaled, FAR), np.minimum(known.beyond[usable], MOST_EXCESS)
+    objectives, beyond = np.minimum(scaled, FARTHEST_VALUE), np.minimum(known.excesses[usable], MOST_EXCESS)
     nearest = np.argsort(np.linalg.norm(np.maximum(objectives, 0.0), axis=1) + beyond.max(axis=1, initial=0.0))
     places = np.sort(nearest[:MOST_MODELLED])
     places = np.union1d(places, np.searchsorted(usable, parents))
-    candidates = _new(varied, _designs_near(varied, known.points[parents], generator), known.points)
+    candidates = _unknown_candidates(varied, _designs_near(varied, known.points[parents], generator), known.points)
     modelled = known.points[usable[places]], np.hstack([objectives, beyond])[places]
     predicted = _interpolate(varied, modelled, candidates)
     excess = predicted[:, 2:].max(axis=1, initial=-np.inf)
     if not front.size:
         return np.asarray(candidates[np.argsort(excess, kind="stable")[:count]])
-    meets = excess <= -INSIDE
-    gaining = _most_gaining(predicted[meets, :2], (known.values[front] - low) / ranges, count)
+    meets = excess <= -LIMIT_MARGIN
+    gaining = _largest_gains(predicted[meets, :2], (known.values[front] - low) / ranges, count)
     return np.asarray(candidates[meets][gaining])
 
 
 def ranges_of(known: SolvedPoints, front: Ints) -> Floats:
-    """(2,) ranges of the objectives on a front, or of all designs where it has none; 1 where these have none either."""
+    """(2,) ranges of the objectives on a front, or of all designs if it has none; 1 if these have none either."""
     values = known.values[np.isfinite(known.values).all(axis=1)]
     whole = np.ptp(values, axis=0) if len(values) else np.zeros(2)
     own = np.ptp(known.values[front], axis=0) if len(front) else np.zeros(2)
@@ -81,12 +81,12 @@ def ranges_of(known: SolvedPoints, front: Ints) -> Floats:
 
 
 def gains(points: Floats, front: Floats) -> Floats:
-    """(n,) area that each of some points (n, 2) adds to what a front (m, 2) dominates.
+    """(n,) dominated area that each point (n, 2) adds to a front (m, 2).
 
     Parameters
     ----------
-    points : in ranges of the objectives.
-    front : the same, by the first objective; the area counts up to `REFERENCE` in both.
+    points : points in units of the objectives' ranges.
+    front : front in the same units, sorted by the first objective; the area counts up to `REFERENCE` in both.
     """
     edges = np.append(front[:, 0], REFERENCE)
     widths = np.diff(np.maximum(edges[None, :], points[:, :1]), axis=1)
@@ -96,8 +96,8 @@ def gains(points: Floats, front: Floats) -> Floats:
     return np.asarray(added.sum(axis=1))
 
 
-def _most_gaining(predicted: Floats, front: Floats, count: int) -> list[int]:
-    """The numbers of points that add most to a front, each as if those before were in it."""
+def _largest_gains(predicted: Floats, front: Floats, count: int) -> list[int]:
+    """Indices of the points that add most to a front, each with the previous ones included."""
     chosen = list[int]()
     while len(predicted) and len(chosen) < count:
         gain = gains(predicted, front)
@@ -112,7 +112,7 @@ def _most_gaining(predicted: Floats, front: Floats, count: int) -> list[int]:
 
 
 def _interpolate(varied: Sequence[VariedParameter], known: tuple[Floats, Floats], points: Floats) -> Floats:
-    """(n, m) values at points (n, parameters) between known points and their values (k, m)."""
+    """(n, m) interpolated values at points (n, parameters), from known points and their values (k, m)."""
     from scipy.interpolate import RBFInterpolator
 
     places, at = np.unique(_coordinates(varied, known[0]), axis=0, return_index=True)
@@ -123,7 +123,7 @@ def _interpolate(varied: Sequence[VariedParameter], known: tuple[Floats, Floats]
 
 
 def _coordinates(varied: Sequence[VariedParameter], points: Floats) -> Floats:
-    """(n, m) of designs in the space of the model: one for each number, and one for each value of a list."""
+    """(n, m) coordinates of designs in the model: one for each number, and one for each value of a list."""
     columns = list[Floats]()
     for parameter, u in zip(varied, points.T, strict=True):
         count = len(parameter.values) or (int(parameter.high - parameter.low) + 1 if parameter.integers_only else 0)
@@ -135,20 +135,20 @@ def _coordinates(varied: Sequence[VariedParameter], points: Floats) -> Floats:
     return np.column_stack(columns)
 
 
-def _new(varied: Sequence[VariedParameter], candidates: Floats, points: Floats) -> Floats:
-    """Of candidates (n, parameters) those that are not among known points, each once."""
+def _unknown_candidates(varied: Sequence[VariedParameter], candidates: Floats, points: Floats) -> Floats:
+    """Candidates (n, parameters) that are not among known points, each once."""
     places = np.round(np.vstack([_coordinates(varied, each) for each in (points, candidates)]), DIGITS)
     first = np.unique(places, axis=0, return_index=True)[1]
     return candidates[np.sort(first[first >= len(points)]) - len(points)]
 
 
 def _designs_near(varied: Sequence[VariedParameter], front: Floats, generator: np.random.Generator) -> Floats:
-    """(n, parameters) random designs: about those of a front, on lines through neighbours, other choices, anywhere."""
+    """(n, parameters) random designs: near the front, on lines through neighbours, with other choices, anywhere."""
     listed: Bools = np.array([bool(p.values) for p in varied])
     made = list[Floats]()
     for scale in SCALES:
         about = front[generator.integers(len(front), size=PER_SCALE)]
-        steps = scale * generator.standard_normal(about.shape) * (generator.random(about.shape) < CHANGED)
+        steps = scale * generator.standard_normal(about.shape) * (generator.random(about.shape) < CHANGED_SHARE)
         made.append(about + np.where(listed, 0.0, steps))
     first = generator.integers(max(len(front) - 1, 1), size=PER_SCALE)
     second = front[np.minimum(first + 1, len(front) - 1)]
@@ -156,7 +156,7 @@ def _designs_near(varied: Sequence[VariedParameter], front: Floats, generator: n
     made.append(front[first] + np.where(listed, 0.0, along * (second - front[first])))
     if listed.any():
         about = np.vstack(made)[generator.integers(len(SCALES) * PER_SCALE, size=2 * PER_SCALE)]
-        swapped = listed & (generator.random(about.shape) < SWAPPED)
+        swapped = listed & (generator.random(about.shape) < CHANGED_CHOICES)
         made.append(np.where(swapped, generator.random(about.shape), about))
     made.append(generator.random((PER_SCALE, len(varied))))
     return np.clip(np.vstack(made), 0.0, 1.0)

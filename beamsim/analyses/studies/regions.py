@@ -1,7 +1,7 @@
-"""Failure regions in the space of independent standard normal variables: how they are found, and densities over them.
+"""Failure regions in the space of independent standard normal variables: search, and sampling densities over them.
 
-They are looked for without gradients, in a space-filling sample at increased scatter; each is then located by its
-nearest point. A sample that lies beyond the tangent plane of a known nearest point belongs to that region (compare the
+Regions are searched without gradients, in a space-filling sample at increased scatter, and each is located by its
+nearest point. A sample beyond the tangent plane of a known nearest point belongs to that region (compare the
 multiple design points of A. Der Kiureghian and T. Dakessian, Structural Safety 20, 1998).
 """
 
@@ -14,23 +14,23 @@ import numpy as np
 from beamsim.analyses.studies.sampling import LimitState, Points, library, nearest_point, points_at
 from beamsim.typing import Bools, Floats, Ints
 
-MOST_REGIONS = 12  # located; what lies between them is covered by the widest density
-MORE_THAN_FACES = 4  # of many variables: a limit on the magnitude of each has two faces
-IN_VAIN = 3  # searches one after the other that lead to known regions, after which the other samples are left
-NEGLIGIBLE = 1e-4  # of the largest probability beyond a tangent plane
-APART = 0.5  # standard deviations between nearest points of two regions
-WIDTH = 1.1  # standard deviation about nearest points, where the limit state may curve
-DEFENSIVE = 0.1  # share of samples at increased scatter, which find what is not known yet
-LEAST_SHARE = 0.05  # of the other samples about each region
-STEPS, TRIED = 3, 8  # of the search without gradients, and samples of each
-STEPS_ALONE = 10  # more of them where gradients do not lead to the region
+MOST_REGIONS = 12  # the widest density covers regions that are not located
+MORE_THAN_FACES = 4  # factor for many variables: a limit on the magnitude of each has two faces
+MOST_FAILED_SEARCHES = 3  # successive searches that end in known regions, after which the remaining samples are skipped
+NEGLIGIBLE = 1e-4  # relative to the largest probability beyond a tangent plane
+LEAST_SEPARATION = 0.5  # distance of the nearest points of separate regions, in standard deviations
+WIDTH = 1.1  # standard deviation of the density about nearest points, where the limit state may be curved
+DEFENSIVE = 0.1  # share of samples at increased scatter, which may find unknown regions
+LEAST_SHARE = 0.05  # least share of the other samples about each region
+STEPS, SAMPLES_PER_STEP = 3, 8  # rounds of the search without gradients, and samples of each
+STEPS_WITHOUT_GRADIENTS = 10  # rounds if gradients do not lead to the region
 
 
 class Region(NamedTuple):
-    """A failure region, located by its point that is nearest to the origin."""
+    """Failure region, located by its point nearest to the origin."""
 
     point: Floats  # (d,)
-    on_limit: bool  # whether the search by gradients ended there, so that the limit state is zero
+    on_limit: bool  # True if the gradient search ended on the limit state
 
     @property
     def distance(self) -> float:
@@ -49,12 +49,12 @@ def increased_scatter(count: int, size: int, scale: float, seed: int) -> Floats:
 
 
 class Regions:
-    """The failure regions that are known, the nearest one first found.
+    """Known failure regions, sorted by distance.
 
     Parameters
     ----------
     state : limit state.
-    generator : of the search without gradients.
+    generator : random numbers of the search without gradients.
     """
 
     def __init__(self, state: LimitState, generator: np.random.Generator) -> None:
@@ -62,13 +62,13 @@ class Regions:
         self._state, self._generator = state, generator
 
     def contains(self, u: Floats) -> Bools:
-        """(n,) whether points beyond the limit belong to known regions."""
+        """(n,) True for points beyond the limit that belong to a known region."""
         if not self.found:
             return np.zeros(len(u), dtype=bool)
         return np.asarray(np.max(self._excess(u), axis=1) >= -1e-3)
 
     def nearest(self, u: Floats) -> Ints:
-        """(n,) the region that each point belongs to."""
+        """(n,) index of the region that each point belongs to."""
         return np.asarray(np.argmax(self._excess(u), axis=1))
 
     def _excess(self, u: Floats) -> Floats:
@@ -77,34 +77,34 @@ class Regions:
         distances = np.maximum(np.linalg.norm(points, axis=1), 1e-9)
         return np.asarray(u @ (points / distances[:, None]).T - distances)
 
-    def look(self, u: Floats) -> bool:
-        """Locate the regions of points beyond the limit (n, d); whether a new one that matters was found."""
+    def locate_regions(self, u: Floats) -> bool:
+        """Locate the regions of points (n, d) beyond the limit; True if a relevant new one was found."""
         new, in_vain, most = False, 0, max(MOST_REGIONS, 2 * u.shape[1] + MORE_THAN_FACES)
         left = u[np.argsort(np.linalg.norm(u, axis=1), kind="stable")]
-        while len(left := left[~self.contains(left)]) and len(self.found) < most and in_vain < IN_VAIN:
-            near = self._nearer(left[0])
+        while len(left := left[~self.contains(left)]) and len(self.found) < most and in_vain < MOST_FAILED_SEARCHES:
+            near = self._find_nearer_point(left[0])
             left = left[1:]
             in_vain += 1
-            region = self._by_gradients(near)
+            region = self._region_by_gradients(near)
             if region is None or not self._is_separate(region):
-                # gradients lead to the limit that is nearest to being exceeded, which is not that of the sample
-                region = Region(self._nearer(near, STEPS_ALONE), False)
+                # gradients lead to the limit closest to being exceeded, which may not be that of the sample
+                region = Region(self._find_nearer_point(near, STEPS_WITHOUT_GRADIENTS), False)
             if self._is_separate(region):
                 self.found.append(region)
-                new, in_vain = new or self.matters()[-1], 0
+                new, in_vain = new or self.significant()[-1], 0
         return new
 
     def _is_separate(self, region: Region) -> bool:
-        return all(np.linalg.norm(region.point - other.point) > APART for other in self.found)
+        return all(np.linalg.norm(region.point - other.point) > LEAST_SEPARATION for other in self.found)
 
-    def _nearer(self, start: Floats, steps: int = STEPS) -> Floats:
-        """A point beyond the limit that is nearer to the origin than another one, by samples."""
+    def _find_nearer_point(self, start: Floats, steps: int = STEPS) -> Floats:
+        """Find a point beyond the limit that is closer to the origin than ``start``, by random samples."""
         point, draw = start, self._generator
         for _ in range(steps):
-            some = draw.random((TRIED, start.size)) < 0.4  # numbers that come nearer each by itself
+            some = draw.random((SAMPLES_PER_STEP, start.size)) < 0.4  # coordinates that are reduced independently
             some[::2] = False
             each = np.where(some, draw.uniform(0.2, 1.0, some.shape), 1.0)
-            whole = draw.uniform(0.4, 1.0, (TRIED, 1)) * (draw.random(some.shape) < 0.8)
+            whole = draw.uniform(0.4, 1.0, (SAMPLES_PER_STEP, 1)) * (draw.random(some.shape) < 0.8)
             whole[1::2] = 1.0
             tried = point * each * whole
             fails = tried[self._state(points_at(tried)) <= 0.0]
@@ -112,38 +112,38 @@ class Regions:
                 point = fails[np.argmin(np.linalg.norm(fails, axis=1))]
         return point
 
-    def _by_gradients(self, start: Floats) -> Region | None:
-        """The region whose nearest point a search leads to; none where that is no point of the limit, or far away."""
+    def _region_by_gradients(self, start: Floats) -> Region | None:
+        """Region at the nearest point that a gradient search reaches; None if it is not on the limit or too far."""
         found, on_limit = nearest_point(self._state, start)
-        near = on_limit and np.linalg.norm(found) <= np.linalg.norm(start) + APART
+        near = on_limit and np.linalg.norm(found) <= np.linalg.norm(start) + LEAST_SEPARATION
         return Region(found, True) if near else None
 
     def tangent_probabilities(self) -> Floats:
-        """(regions,) probability beyond the tangent plane of each."""
+        """(regions,) probability beyond each tangent plane."""
         from scipy.special import ndtr
 
         return np.asarray(ndtr(-np.array([region.distance for region in self.found])))
 
-    def matters(self) -> Bools:
-        """(regions,) whether the probability beyond the tangent plane of each is not negligible."""
+    def significant(self) -> Bools:
+        """(regions,) True if the probability beyond the tangent plane is not negligible."""
         expected = self.tangent_probabilities()
         return np.asarray(expected >= NEGLIGIBLE * expected.max())
 
     def nearest_point(self) -> Points | None:
-        """The nearest point of all regions; none where no region is known."""
+        """Nearest point of all regions; None without regions."""
         if not self.found:
             return None
         return points_at(min(self.found, key=lambda region: region.distance).point[None])
 
     def density(self, u: Floats, weights: Floats, scale: float) -> Any:
-        """A mixture of normal distributions, of OpenTURNS: about each region, and at increased scatter.
+        """Mixture of normal distributions (OpenTURNS): one about each region, and one at increased scatter.
 
         Parameters
         ----------
-        u, weights : (n, d), (n,) samples beyond the limit and their weights, whose spread in each region it has.
-        scale : of the increased scatter.
+        u, weights : (n, d), (n,) samples beyond the limit with weights, which define the spread in each region.
+        scale : standard deviation of the increased scatter.
         """
-        ot, size, chosen = library(), u.shape[1], np.flatnonzero(self.matters())
+        ot, size, chosen = library(), u.shape[1], np.flatnonzero(self.significant())
         of = self.nearest(u) if len(u) else np.zeros(0, dtype=int)
         parts, shares = [_normal(np.zeros(size), scale**2 * np.eye(size))], [DEFENSIVE]
         expected = self.tangent_probabilities()[chosen]
@@ -157,7 +157,7 @@ class Regions:
             parts.append(_normal(self.found[j].point, WIDTH**2 * np.eye(size)))
             shares.append(float(part) * (0.5 if fitted else 1.0))
             if fitted:
-                parts.append(_like(own, w))
+                parts.append(_normal_of_samples(own, w))
                 shares.append(0.5 * float(part))
         return ot.Mixture(parts, shares)
 
@@ -167,11 +167,11 @@ def _normal(mean: Floats, covariance: Floats) -> Any:
     return ot.Normal(mean.tolist(), ot.CovarianceMatrix(covariance.tolist()))
 
 
-def _like(u: Floats, weights: Floats) -> Any:
-    """A normal distribution with mean and spread of weighted samples (n, d), somewhat wider."""
+def _normal_of_samples(u: Floats, weights: Floats) -> Any:
+    """Normal distribution with the mean and slightly more than the spread of weighted samples (n, d)."""
     share = weights / weights.sum()
     mean = share @ u
-    count = 1.0 / float(share @ share)  # of samples of equal weight that say as much
+    count = 1.0 / float(share @ share)  # equivalent number of samples with equal weights
     spread = (u - mean).T @ (share[:, None] * (u - mean))
     trust = count / (count + u.shape[1] + 2.0)
     return _normal(mean, 1.1 * (trust * spread + (1.0 - trust) * np.eye(u.shape[1])) + 0.05 * np.eye(u.shape[1]))

@@ -1,4 +1,4 @@
-"""How likely it is that limits are exceeded: the limit state of histories, and what is found."""
+"""Probability that limits are exceeded: limit state of the histories, estimate and result."""
 
 from __future__ import annotations
 
@@ -25,27 +25,28 @@ from beamsim.scenario.excitation import MatchedInput, RandomInput
 from beamsim.scenario.studies import Reliability, VariedParameter, inputs_with_seed
 from beamsim.typing import Floats, of_kind
 
-SLIGHT = 0.01  # share of the probability of a region that is not listed
+LEAST_LISTED_SHARE = 0.01  # share of the probability below which a region is not listed
 
 
 def _seed_of(item: RandomInput | MatchedInput, k: int, blend: sampling.Blend) -> int | str:
-    """The seed of random input ``k``: a blend as it is written, or a number for a matched record, which takes none."""
+    """Seed of random input ``k``: a blend in text form, or a number for a matched record (which allows no blend)."""
     if isinstance(item, MatchedInput):
         return blend[0][0][k]
     return " + ".join(f"{share:.6g}*{seeds[k]}" for seeds, share in blend)
 
 
 class Exceedance:
-    """The limit state, not positive where the limits are exceeded, of histories that are asked for in batches.
+    """Limit state of histories: not positive if the limits are exceeded; evaluated in batches.
 
-    It is 1 - value / limit of the limit that decides, where a value counts with its change by a finer model.
+    It is 1 - value / limit of the deciding limit, with the value changed by the error estimate of a finer model.
 
     Parameters
     ----------
-    plan : of a study of reliability.
-    evaluate : solves cases, given by the values of the varied parameters.
-    progress : called after each estimate with the fraction of histories done: that of the number allowed, or that of
-        the number needed where the variance falls as one over it, whichever is larger.
+    plan : plan of a study of reliability.
+    evaluate : evaluator that solves cases, given by the values of the varied parameters.
+    progress : called after each estimate with the completed fraction: of the allowed histories, or of those needed if
+        the
+    variance is inversely proportional to their number, whichever is larger.
     """
 
     def __init__(self, plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> None:
@@ -62,25 +63,25 @@ class Exceedance:
         )  # fmt: skip
 
     def __call__(self, points: sampling.Points) -> Floats:
-        """(n,) values at points."""
+        """(n,) values of the limit state at points."""
         outcomes = self._evaluate(self.rows(points))
         _, beyond = costs(self.plan, [outcome for (outcome,) in outcomes])
         value = -(beyond.max(axis=0) if self.vary.event == "any_limit" else beyond.min(axis=0))
         return np.where(np.isfinite(beyond).all(axis=0), value, FAILED)
 
     def rows(self, points: sampling.Points) -> list[tuple[Any, ...]]:
-        """The values of the varied parameters at points; the seed of each random input as a blend is written."""
+        """Values of the varied parameters at points, with the seed of each random input as a blend."""
         blended = [[_seed_of(item, k, of) for k, item in enumerate(self.inputs)] for of in points.blends]
         return [(*x, *of) for x, of in zip(self.scatter.values(points.u).tolist(), blended, strict=True)]
 
     def _report_progress(self, known: Round) -> None:
-        """Report the fraction that is done."""
-        needed = (self.target / known.variation) ** 2 if known.variation > 0.0 else 0.0  # 0 where it is unknown
+        """Report the completed fraction."""
+        needed = (self.target / known.variation) ** 2 if known.variation > 0.0 else 0.0  # 0 if unknown
         report_progress(self._progress, min(1.0, max(needed, known.histories / self.vary.most_cases)))
 
 
 def run_histories(plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:
-    """The histories that the method of a study asks for, until its estimate is sure enough or no more are allowed."""
+    """Compute histories by the method of a study until its target is reached or the budget is spent."""
     histories = Exceedance(plan, evaluate, progress)
     with suppress(StopEvaluation):
         histories.estimator.sample_until_sure()
@@ -88,7 +89,7 @@ def run_histories(plan: StudyPlan, evaluate: Evaluator, progress: Progress = Non
 
 
 def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
-    """The result of the cases with the probability, how sure it is, and what it depends on."""
+    """Add the probability, its uncertainty and its dependence on the numbers to a result."""
     from scipy.special import ndtri
 
     of, critical = histories.estimator, histories.estimator.critical
@@ -97,7 +98,7 @@ def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
     entry: dict[str, Any] = {
         "method": of.method, "event": histories.vary.event, "probability": of.estimate.probability, "low": low,
         "high": high, "coefficient_of_variation": of.estimate.variation, "target": histories.target,
-        "reliability_index": float(-ndtri(of.estimate.probability)), "histories": of.asked,
+        "reliability_index": float(-ndtri(of.estimate.probability)), "histories": of.evaluated_count,
     }  # fmt: skip
     entry |= {"regions": len(regions)} if regions else {}
     entry |= {"cross_check": of.cross_check} if math.isfinite(of.cross_check) else {}
@@ -111,7 +112,7 @@ def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
             dataset = dependence(histories.scatter, of, numbers)
             datasets["random_numbers"] = dataset
             warnings += tuple(
-                f"{path} at the design point is beyond what was measured, in the tail of the fit"
+                f"{path} at the design point is beyond the measured values, in the tail of the fit"
                 for (path, at), data in zip(dataset.by_label("design").items(), histories.scatter.data, strict=True)
                 if data and not min(data) <= at.item() <= max(data)
             )
@@ -123,17 +124,19 @@ def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
     return replace(found, summary=result.summary | {"reliability": entry}).with_outcome(_estimate_outcome(of))
 
 
-def _shares_of_regions(of: Estimator) -> dict[int, float]:
-    """By number of each region that matters its share of the probability, the largest first."""
-    failures, found = of.failures, of.regions.found
+def _shares_of_regions(estimator: Estimator) -> dict[int, float]:
+    """Share of the probability by region index, the largest first, for regions that are not negligible."""
+    failures, found = estimator.failures, estimator.regions.found
     if not found or not failures.weights.size:
         return {}
-    shares = np.bincount(of.regions.nearest(failures.points.u), failures.weights, len(found)) / failures.weights.sum()
-    return {int(j): float(shares[j]) for j in np.argsort(-shares, kind="stable") if shares[j] > SLIGHT}
+    shares = (
+        np.bincount(estimator.regions.nearest(failures.points.u), failures.weights, len(found)) / failures.weights.sum()
+    )
+    return {int(j): float(shares[j]) for j in np.argsort(-shares, kind="stable") if shares[j] > LEAST_LISTED_SHARE}
 
 
 def _regions(histories: Exceedance, regions: dict[int, float], numbers: Sequence[VariedParameter]) -> Dataset:
-    """Where each failure region is, and its share of the probability."""
+    """Dataset of the failure regions: design points, and shares of the probability."""
     found = [histories.estimator.regions.found[j] for j in regions]
     values = {
         "region": np.arange(1, len(found) + 1), "share": list(regions.values()),
@@ -145,38 +148,38 @@ def _regions(histories: Exceedance, regions: dict[int, float], numbers: Sequence
     return REGIONS.dataset(values, {"number": [{"unit": number.unit} for number in numbers]})
 
 
-def _estimate_outcome(of: Estimator) -> Outcome:
-    """How sure the estimate is."""
-    failures, variation = of.failures, of.estimate.variation
+def _estimate_outcome(estimator: Estimator) -> Outcome:
+    """Outcome of the estimate."""
+    failures, variation = estimator.failures, estimator.estimate.variation
     weight = float(failures.weights.sum())
     lost = float(failures.weights[failures.values == FAILED].sum()) / weight if weight else 0.0
-    if of.outcome is not COMPLETE:
-        return of.outcome
-    if of.rounds and not of.estimate.probability > 0.0:
-        sentence, remedy = f"none of {of.asked} histories exceeds the limits", "raise most_cases to go further"
+    if estimator.outcome is not COMPLETE:
+        return estimator.outcome
+    if estimator.rounds and not estimator.estimate.probability > 0.0:
+        sentence, remedy = f"none of {estimator.evaluated_count} histories exceeds the limits", "raise most_cases"
         return Outcome.of(OutcomeKind.UNTRUSTED, "not_exceeded", sentence, remedy=remedy)
-    if variation > of.target:
-        sentence = f"coefficient of variation of {_percent(variation)} after {of.asked} histories"
-        remedy = f"give more samples or most_cases, or ask for more than {_percent(of.target)}"
+    if variation > estimator.target:
+        sentence = f"coefficient of variation of {_percent(variation)} after {estimator.evaluated_count} histories"
+        remedy = f"raise samples or most_cases, or accept more than {_percent(estimator.target)}"
         return Outcome.of(OutcomeKind.UNTRUSTED, "scatter", sentence, remedy=remedy, variation=variation)
-    if lost > of.target:
-        sentence = f"{_percent(lost)} of the probability is that of histories that failed"
+    if lost > estimator.target:
+        sentence = f"failed histories make {_percent(lost)} of the probability"
         return Outcome.of(OutcomeKind.UNTRUSTED, "cases_failed", sentence, remedy="see failures", share=lost)
-    return of.check
+    return estimator.check
 
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %" if math.isfinite(share) else "no known size"
 
 
-def interval(of: Estimator) -> tuple[float, float]:
-    """Ends of the 95 % interval: of Clopper and Pearson for a share of histories, else of a lognormal distribution."""
-    estimate = of.estimate
-    if of.method == "monte_carlo" and of.rounds:
-        share = probability(np.arange(of.rounds[-1].histories) < of.failures.weights.size)
+def interval(estimator: Estimator) -> tuple[float, float]:
+    """95 % interval: Clopper-Pearson for a share of histories, else of a lognormal distribution."""
+    estimate = estimator.estimate
+    if estimator.method == "monte_carlo" and estimator.rounds:
+        share = probability(np.arange(estimator.rounds[-1].histories) < estimator.failures.weights.size)
         return share["low"], share["high"]
-    unreached = math.isnan(estimate.probability) and bool(of.rounds)  # rarer than the last level
+    unreached = math.isnan(estimate.probability) and bool(estimator.rounds)  # rarer than the last level
     if unreached:
-        estimate = sampling.Estimate(of.rounds[-1].probability, of.rounds[-1].variation)
+        estimate = sampling.Estimate(estimator.rounds[-1].probability, estimator.rounds[-1].variation)
     factor = math.exp(1.96 * math.sqrt(math.log1p(estimate.variation**2)))
     return 0.0 if unreached else estimate.probability / factor, min(1.0, estimate.probability * factor)

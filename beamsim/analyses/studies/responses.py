@@ -1,4 +1,4 @@
-"""Responses that a design study keeps of each case: the values that every analysis reports, by quantity and place."""
+"""Responses of the cases of a study: the values that every analysis reports, by quantity and place."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def describe(name: str, output_units: Mapping[str, str]) -> tuple[str, str]:
 
 
 SECTIONS = frozenset(value.section for value in BY_NAME.values() if value.section)
-WHOLE = frozenset(value.name for value in BY_NAME.values() if value.single or not value.section)
+STRUCTURE_RESPONSES = frozenset(value.name for value in BY_NAME.values() if value.single or not value.section)
 
 
 def begins_response(name: str) -> bool:
-    """Whether the name of a response, or that of the columns of one with a value a mode, is or begins with a name.
+    """True if a name is, or begins, the name of a response or of one of its columns (a value for each mode).
 
     >>> begins_response("snubbers"), begins_response("up_0"), begins_response("open_frequencies_hz_2")
     (True, True, True)
@@ -38,37 +38,37 @@ def begins_response(name: str) -> bool:
     """
     stem, _, number = name.rpartition("_")
     of_curve = stem in ("up", "down", "stable") and number.isdecimal()
-    return of_curve or name in SECTIONS | WHOLE or (stem in WHOLE and number.isdecimal())
+    return of_curve or name in SECTIONS | STRUCTURE_RESPONSES or (stem in STRUCTURE_RESPONSES and number.isdecimal())
 
 
-def entries_of(asked: Collection[str], scenario: Scenario) -> tuple[str, ...]:
-    """Entries of a run's summary that the responses asked for need, by default all but what takes longer."""
+def entries_of(requested: Collection[str], scenario: Scenario) -> tuple[str, ...]:
+    """Summary entries of a run that the requested responses need; by default all but the expensive ones."""
     limits = {} if scenario.limits is None else scenario.limits.values_by_name
-    quantities = {name.rpartition("/")[2] for name in asked} or set(BY_NAME) - {"gapping"}
+    quantities = {name.rpartition("/")[2] for name in requested} or set(BY_NAME) - {"gapping"}
     quantities |= {parse_limit(name)[0].name for name in limits}
-    if not scenario.excitation.stationary:  # whose responses have no root mean square
+    if not scenario.excitation.stationary:  # no root mean squares without a stationary excitation
         quantities = {name for name in quantities if not name.startswith("rms_")}
     quantities |= {
         "static_force",
         "static_moment",
         "open_frequencies_hz",
         "closed_frequencies_hz",
-    }  # which the model has anyway
+    }  # known without further computation
     return tuple(entry for entry, value in BY_ENTRY.items() if value.name in quantities)
 
 
-def means(asked: str, name: str) -> bool:
-    """Whether a response is meant: by its quantity, or by its name with or without its curve.
+def matches_request(request: str, name: str) -> bool:
+    """True if a request refers to a response: by its quantity, or by its name with or without its curve.
 
     >>> means("peak_force", "snubbers/tip/peak_force"), means("tip/peak_force", "snubbers/tip/peak_force")
     (True, True)
     """
-    parts = asked.split("/")
+    parts = request.split("/")
     return name.split("/")[-len(parts) :] == parts
 
 
 def limited_response(limit: str) -> str:
-    """The end of the names of the responses that a limit is compared with.
+    """End of the response names that a limit is compared with.
 
     >>> limited_response("gap"), limited_response("outputs.clamp")
     ('largest_gap', 'outputs/clamp/peak_output')
@@ -78,7 +78,7 @@ def limited_response(limit: str) -> str:
 
 
 def quantity_of(name: str) -> str:
-    """The quantity of a response.
+    """Quantity of a response name.
 
     >>> quantity_of("up_0/snubbers/tip/peak_force")
     'peak_force'
@@ -87,7 +87,7 @@ def quantity_of(name: str) -> str:
 
 
 def place_of(name: str) -> str:
-    """Probe or snubber of a response, and curve; empty for the structure as a whole.
+    """Probe or snubber of a response name, with its curve; empty for the structure as a whole.
 
     >>> place_of("snubbers/tip/peak_force"), place_of("up_0/snubbers/tip/peak_force"), place_of("bending_stress")
     ('tip', 'tip up_0', '')
@@ -98,17 +98,17 @@ def place_of(name: str) -> str:
 
 
 def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
-    """All responses of a case that was computed as a whole."""
+    """All responses of a complete case."""
     if isinstance(result, RunResult):
         return run_responses(result.summary | result.root_mean_squares)
     modes, snubbers = result["modes"], bool(result.scenario.all_snubbers)
-    of_curves = _of_sweep(result) if isinstance(result, SweepResult) else _of_continuation(result)
+    of_curves = _sweep_responses(result) if isinstance(result, SweepResult) else _continuation_responses(result)
     opened, closed = (modes[f"{state}_frequencies_hz"].values.tolist() for state in ("open", "closed"))
-    return of_curves | _of_frequencies(opened, closed, snubbers)
+    return of_curves | _frequency_responses(opened, closed, snubbers)
 
 
 def run_responses(summary: Mapping[str, Any]) -> Responses:
-    """Responses of a run, from entries of its summary; of those that are not there, none."""
+    """Responses of a run from its summary; missing entries are skipped."""
     values: Responses = {}
     for section in ("probes", "snubbers", "springs", "friction", "outputs"):
         found = [(v, summary[v.entry]) for v in BY_ENTRY.values() if v.section == section and v.entry in summary]
@@ -116,12 +116,12 @@ def run_responses(summary: Mapping[str, Any]) -> Responses:
             values |= {f"{section}/{name}/{v.name}": float(of[name]) * v.scale for v, of in found if name in of}
     values |= {v.name: summary[v.entry] for v in BY_ENTRY.values() if v.single and v.entry in summary}
     snubbers = bool(summary["static_force_n"] or summary.get("static_moment_n_m"))
-    values |= _of_frequencies(summary["open_frequencies_hz"], summary["closed_frequencies_hz"], snubbers)
+    values |= _frequency_responses(summary["open_frequencies_hz"], summary["closed_frequencies_hz"], snubbers)
     return values | ({"energy_error": summary["energy_error"]} if "energy_error" in summary else {})
 
 
-def _of_sweep(result: SweepResult) -> Responses:
-    """For every curve (direction and level) the largest values and their frequencies."""
+def _sweep_responses(result: SweepResult) -> Responses:
+    """Largest values and their frequencies for every curve (direction and level)."""
     values: Responses = {}
     for curve in result.curves.values():
         for value, name, largest, frequency in curve.largest():
@@ -134,8 +134,8 @@ def _of_sweep(result: SweepResult) -> Responses:
     return values | {f"snubbers/{name}/gapping": ratio for name, ratio in ratios.items()}
 
 
-def _of_continuation(result: ContinuationResult) -> Responses:
-    """For every level the largest values of the stable motions of all periods, ``stable_<index>/…``; nan of none."""
+def _continuation_responses(result: ContinuationResult) -> Responses:
+    """Largest values of the stable motions of all periods at every level, ``stable_<index>/…``; nan without any."""
     values: Responses = {}
     for index, level in enumerate(dict.fromkeys(repr(b["level"].item()) for b in result.branches)):
         of_level = [b for b in result.branches if repr(b["level"].item()) == level]
@@ -146,7 +146,7 @@ def _of_continuation(result: ContinuationResult) -> Responses:
 
 
 def _largest(curve: str, value: Value, name: str, largest: float, frequency: float | None) -> Responses:
-    """The largest value along a curve, and of displacements where it is."""
+    """Largest value along a curve; for displacements also its frequency."""
     place = value.name if value.single else f"{value.section}/{name}/{value.name}"
     values: Responses = {f"{curve}/{place}": largest}
     if value.key == DISPLACEMENT and frequency is not None:
@@ -154,8 +154,8 @@ def _largest(curve: str, value: Value, name: str, largest: float, frequency: flo
     return values
 
 
-def _of_frequencies(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
-    """The first six natural frequencies, and the bilinear frequency of the first pair."""
+def _frequency_responses(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
+    """First six natural frequencies, and the bilinear frequency of the first pair."""
     first = {"open_frequencies_hz": opened} | ({"closed_frequencies_hz": closed} if snubbers else {})
     values: Responses = {name: (of[:6] + [math.nan] * 6)[:6] for name, of in first.items()}
     if snubbers:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from beamsim.analyses.studies.layouts import CASES, FURTHER, RANDOM_NUMBERS, REALISATIONS, REGIONS, ROUNDS, RUNS, SOBOL
 from beamsim.analyses.studies.objectives import deciding_values, objectives, worst_of
 from beamsim.analyses.studies.plan import ParameterColumn
-from beamsim.analyses.studies.responses import means
+from beamsim.analyses.studies.responses import matches_request
 from beamsim.analyses.studies.worst import OBJECTIVE
 from beamsim.labelled import LabelledArray
 from beamsim.outcomes import Outcome
@@ -39,7 +39,7 @@ RELIABILITY = record(
      **dict.fromkeys(("distance", "reliability_index", "regions", "cross_check"), Number)},
 )  # fmt: skip
 VARIED = record({"values": Number, "unit": Text}, {"smallest": Number, "largest": Number, "chosen_from": list[Text]})
-PLAIN_NUMBERS = (  # of responses: what has no unit
+PLAIN_NUMBERS = (  # entries of responses that have no unit
     "cases", "p_value", "rank_correlation", "first_order", "first_order_low", "first_order_high", "total_order",
     "total_order_low", "total_order_high", "share", "low", "high", "case", "margin", "limit",
 )  # fmt: skip
@@ -125,7 +125,7 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StudyResult(Result):
-    """Everything `beamsim sweep` computes of a scenario with ``vary``, or `ensemble`: a row a case.
+    """Result of ``beamsim sweep`` with ``vary``, or of `ensemble`: one row for each case.
 
     ``result["cases"]`` has parameters, responses, margins and objectives of every case, ``result["realisations"]``
     those responses within tolerances; the other datasets are of some kinds of studies.
@@ -136,12 +136,12 @@ class StudyResult(Result):
     DATASETS = (CASES, REALISATIONS, FURTHER, SOBOL, RUNS, RANDOM_NUMBERS, REGIONS, ROUNDS)
 
     def with_outcome(self, outcome: Outcome) -> Self:
-        """The result with another outcome, which its summary repeats; verdicts on limits are those of its cases."""
+        """Copy with another outcome, also in its summary; verdicts on limits remain those of the cases."""
         summary = self.summary | ({"status": outcome.text} if "status" in self.summary else {})
         return replace(self, outcome=outcome, summary=summary)
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
-        """That of values which the name does not say; see `Result.unit_of`."""
+        """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if entry.name == "tolerances" and keys[-1] == "tolerance":
             return "" if record["relative"] else str(record["unit"])
         if entry.name == "worst":
@@ -158,22 +158,22 @@ class StudyResult(Result):
 
     @property
     def finished(self) -> bool:
-        """Whether nothing is left to be computed."""
+        """True if nothing remains to be computed."""
         return not (self.outcome.interrupted or self.outcome.outcomes_with_code("cases_missing"))
 
     @property
     def kind(self) -> str:
-        """What study it is: grid, zip, one_at_a_time, latin_hypercube, sobol, optimise, reliability or draws."""
+        """Kind of study: grid, zip, one_at_a_time, latin_hypercube, sobol, optimise, reliability or draws."""
         return str(self["cases"]["kind"].item())
 
     @property
     def limits(self) -> dict[str, float]:
-        """The limits by name, in SI units."""
+        """Limits by name, in SI units."""
         return {name: value.item() for name, value in self["cases"].by_label("limit_value").items()}
 
     @cached_property
     def judge_units(self) -> dict[str, str]:
-        """Units of what judges cases: limits and objectives by name, and "objective"."""
+        """Units of limits and objectives by name, and of "objective"."""
         aims = {name: of.unit for name, of in self["cases"].by_label("objective_value").items()}
         limits = {name: of.unit for name, of in self["cases"].by_label("limit_value").items()}
         return {OBJECTIVE: next(iter(aims.values()), "1")} | aims | limits
@@ -185,14 +185,14 @@ class StudyResult(Result):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values of each parameter of a grid, whose cases are in C order; else the number of cases."""
+        """Number of values of each parameter of a grid (cases in C order); else the number of cases."""
         if "parameter_points" not in self["cases"]:
             return (self.count,)
         return tuple(self["cases"]["parameter_points"].values.tolist())
 
     @cached_property
     def parameters(self) -> tuple[ParameterColumn, ...]:
-        """The varied parameters with their values in every case."""
+        """Varied parameters with their values in every case."""
         cases, columns = self["cases"], list[ParameterColumn]()
         texts = cases.by_label("parameter_text")
         for path, numbers in cases.by_label("parameter_value").items():
@@ -202,7 +202,7 @@ class StudyResult(Result):
 
     @property
     def responses(self) -> dict[str, LabelledArray]:
-        """The responses of every case by name, along ``case``, and along ``mode`` those with a value for each."""
+        """Responses of every case by name, along ``case``; those with a value per mode also along ``mode``."""
         return self["cases"].by_label("value") | self["cases"].by_label("modal_value")
 
     @cached_property
@@ -213,9 +213,9 @@ class StudyResult(Result):
 
     @property
     def table(self) -> dict[str, NDArray[Any]]:
-        """The study as columns of equal length, a row a case: the varied numbers by path, then the responses by name.
+        """Table of the study: varied numbers by path, then responses by name, one row for each case.
 
-        A response with several values a case, such as natural frequencies, has a column for each: ``name_1``, ...
+        A response with several values per case, such as natural frequencies, has several columns: ``name_1``, ...
         """
         columns: dict[str, NDArray[Any]] = {parameter.path: parameter.values for parameter in self.parameters}
         columns |= {name: response.values for name, response in self["cases"].by_label("value").items()}
@@ -224,16 +224,19 @@ class StudyResult(Result):
         return columns
 
     def deciding_values(self, *names: str) -> Floats:
-        """(cases,) the value by which each case is judged: the worst of those that are known.
+        """(cases,) value that judges each case: the worst of the known ones.
 
         Parameters
         ----------
-        names : responses with one number a case, of one quantity; within tolerances a case has in each realisation the
-            value at the worst place, and of these the one at the quantile of the study.
+        names : responses with one number per case, of one quantity; within tolerances, the worst place of each
+            realisation
+        counts, and the study's quantile of these.
         """
         values = self["cases"].by_label("value")
         objective = objectives(self.scenario)[0]
-        asked = objective.largest and all(any(means(term, name) for term, _ in objective.terms) for name in names)
+        asked = objective.maximised and all(
+            any(matches_request(term, name) for term, _ in objective.terms) for name in names
+        )
         if "realisations" not in self.datasets:
             return worst_of([values[name].values for name in names], large_is_good=asked)
         realised, quantile = self["realisations"].by_label("value"), self.summary["tolerances"]["quantile"]

@@ -1,10 +1,10 @@
 """Probability that a limit state is not positive, in the space of independent standard normal variables.
 
-Subset simulation (S. K. Au and J. L. Beck, Probabilistic Engineering Mechanics 16, 2001) comes to rare events by
-levels; its chains take steps that keep the normal distribution (I. Papaioannou et al., ibid. 41, 2015), whose length
-follows their acceptance. A level is the best value that is left behind, and only what is better goes on, so that the
-probability has no bias (C.-E. Bréhier et al., Annals of Applied Probability 26, 2016). OpenTURNS finds the nearest
-point of the limit state.
+Subset simulation (S. K. Au and J. L. Beck, Probabilistic Engineering Mechanics 16, 2001) reaches rare events through
+intermediate levels; its chains take steps that preserve the normal distribution (I. Papaioannou et al., ibid. 41,
+2015), with a step size that follows their acceptance rate. Each level is the best value among the discarded samples,
+and only better samples continue, so that the estimate is unbiased (C.-E. Bréhier et al., Annals of Applied Probability
+26, 2016). OpenTURNS finds the nearest point of the limit state.
 """
 
 from __future__ import annotations
@@ -20,36 +20,37 @@ from numpy.typing import NDArray
 from beamsim.errors import ScenarioError
 from beamsim.typing import Floats, Ints
 
-KEPT = 0.1  # share of the samples of a level from which those of the next one start
-ACCEPTANCE = 0.44  # of steps, at which chains move fastest
-STEP, NEAR = 1e-4, 1e-5  # of differences, and errors at which the search for the nearest point ends
-LEAST_SCATTER = 4  # estimates whose own scatter is known
-MOST_CALLS = 20  # of the limit state for each variable, in a search for the nearest point
-FOUND = 0.03  # distance from the limit, in standard deviations, from which the end of the search is no point of it
+SEED_SHARE = 0.1  # share of the samples of a level from which the next level starts
+ACCEPTANCE = 0.44  # target acceptance rate of the steps, at which chains mix fastest
+STEP, SEARCH_TOLERANCE = 1e-4, 1e-5  # finite-difference step, and tolerance of the search for the nearest point
+LEAST_SCATTER = 4  # number of estimates from which their own scatter is used
+MOST_CALLS = 20  # limit-state calls per variable in a search for the nearest point
+# largest distance from the limit, in standard deviations, of a point that counts as on it
+LARGEST_LIMIT_DISTANCE = 0.03
 
 
 Blend = tuple[tuple[tuple[int, ...], float], ...]
-"""Realisations that are blended: of each its seeds, one for each process, and its share; the squares of the shares add
-up to one."""
+"""Blend of realisations: for each realisation its seeds (one for each process) and its share; the squares of the
+shares add up to one."""
 
 
 class Points(NamedTuple):
-    """Samples of standard normal variables, and of realisations of independent random processes."""
+    """Samples of standard normal variables and of realisations of independent random processes."""
 
     u: Floats  # (n, d)
     blends: NDArray[np.object_]  # (n,) of `Blend`
 
-    def select(self, which: Any) -> Points:
-        """A selection of the points, by numbers or by a mask."""
-        return Points(self.u[which], self.blends[which])
+    def select(self, selection: Any) -> Points:
+        """Selected points, by indices or by a mask."""
+        return Points(self.u[selection], self.blends[selection])
 
 
 LimitState = Callable[[Points], Floats]
 """(n,) values, not positive beyond the limit."""
 
 
-class _TooMany(Exception):
-    """A search asks for more values than it may."""
+class _TooManyCalls(Exception):
+    """Raised when a search exceeds its number of limit-state calls."""
 
 
 class Estimate(NamedTuple):
@@ -60,21 +61,21 @@ class Estimate(NamedTuple):
 
 
 def points_at(u: Floats, seeds: Ints | None = None) -> Points:
-    """Points of coordinates (n, d), with the realisations of seeds (n, processes)."""
+    """Points at coordinates (n, d), with realisations for the seeds (n, processes)."""
     rows: list[list[int]] = [[]] * len(u) if seeds is None else seeds.tolist()
     blends: list[Blend] = [((tuple(row), 1.0),) for row in rows]
     return Points(u, np.fromiter(blends, dtype=object, count=len(u)))
 
 
-def draw(generator: np.random.Generator, count: int, like: Points) -> Points:
-    """Independent samples of as many variables as points have, with realisations of as many processes."""
-    processes = len(like.blends[0][0][0])
+def draw(generator: np.random.Generator, count: int, template: Points) -> Points:
+    """Draw independent samples with as many variables and processes as ``template``."""
+    processes = len(template.blends[0][0][0])
     seeds = generator.integers(2**31, size=(count, processes))
-    return points_at(generator.standard_normal((count, like.u.shape[1])), seeds)
+    return points_at(generator.standard_normal((count, template.u.shape[1])), seeds)
 
 
 def average(terms: Sequence[Floats]) -> Estimate:
-    """The mean of independent numbers, whose coefficient of variation is infinite where all are zero."""
+    """Mean of independent numbers; its coefficient of variation is infinite if all are zero."""
     values = np.concatenate(terms)
     mean = float(values.mean())
     return Estimate(mean, float(values.std()) / mean / math.sqrt(values.size) if mean > 0.0 else math.inf)
@@ -83,7 +84,7 @@ def average(terms: Sequence[Floats]) -> Estimate:
 def mean_of(estimates: Sequence[Estimate]) -> Estimate:
     """Mean of independent estimates of equal weight.
 
-    From four of them on their own scatter counts if it is larger than what they state.
+    From four estimates on, their own scatter is used if it is larger than the stated one.
     """
     each, count = np.array([of.probability for of in estimates]), len(estimates)
     mean = float(each.mean())
@@ -96,52 +97,52 @@ def mean_of(estimates: Sequence[Estimate]) -> Estimate:
 class SubsetLevel(NamedTuple):
     """A level of a subset simulation."""
 
-    estimate: Estimate  # of the probability to be within it
-    inside: Points  # samples within it
+    estimate: Estimate  # of the probability of the level
+    samples: Points  # samples inside the level
     values: Floats  # of the limit state there
-    ancestors: Ints  # the chains of the first level from which the samples descend
-    edge: float  # value that those within do not reach; zero at the limit
+    ancestors: Ints  # chains of the first level from which the samples descend
+    threshold: float  # threshold: samples inside the level are below it; zero at the limit
 
 
 def subset_levels(
     state: LimitState, generator: np.random.Generator, count: int, origin: Points
 ) -> Iterator[SubsetLevel]:  # fmt: skip
-    """Yield the levels of a subset simulation, the last at the limit, or where most of the samples have one value.
+    """Yield the levels of a subset simulation, ending at the limit or where most samples have the same value.
 
     Parameters
     ----------
     state : the limit state.
-    generator : of all random numbers.
-    count : samples of a level.
-    origin : a point with as many variables as there are, and with realisations of as many processes.
+    generator : source of all random numbers.
+    count : number of samples of a level.
+    origin : a point with the required number of variables and processes.
 
     Yields
     ------
     SubsetLevel
     """
-    points, chains, width = draw(generator, count, origin), max(1, round(count * KEPT)), 0.6
+    points, chains, width = draw(generator, count, origin), max(1, round(count * SEED_SHARE)), 0.6
     values, probability, variance, steps = state(points), 1.0, 0.0, 1
-    before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the level before
+    before, parents, families = 0.0, np.zeros(0, dtype=int), 0  # of the previous level
     ancestors = np.arange(values.size)
     while True:
         order = np.argsort(values, kind="stable")
-        edge = max(0.0, float(values[order[min(chains, values.size - 1)]]))  # of the best that is left behind
+        edge = max(0.0, float(values[order[min(chains, values.size - 1)]]))  # best value among the discarded samples
         bound = math.nextafter(edge, -math.inf) if edge > max(0.0, float(values[order[0]])) else edge
         inside = values <= bound
         probability *= float(inside.mean())
         hits = inside.reshape(-1, steps).sum(axis=1)
         own = _relative_variance(hits)
         variance += own
-        if parents.size:  # what two levels have in common, by the chains that descend from each chain
+        if parents.size:  # covariance of two levels, from the chains that descend from each chain
             variance += max(0.0, _relative_variance(np.bincount(parents, hits, minlength=families)) - own - before)
         estimate = Estimate(probability, math.sqrt(variance))
         yield SubsetLevel(estimate, points.select(inside), values[inside], ancestors[inside], edge)
         if edge == 0.0 or inside.mean() > 0.5:
             return
         first = order[: int(inside.sum())]
-        if first.size > chains:  # share the value of the edge
+        if first.size > chains:  # several samples have the value of the edge
             first = generator.choice(first, chains, replace=False)
-        else:  # some that were left behind have that value, too
+        else:  # some discarded samples have that value, too
             first = np.append(first, generator.choice(first, chains - first.size))
         before, parents, families = own, first // steps, hits.size
         points, values, width = _chains(state, generator, points.select(first), values[first], bound, width)
@@ -150,17 +151,17 @@ def subset_levels(
 
 
 def _relative_variance(sums: Floats | Ints) -> float:
-    """Variance of the mean of independent sums over its square; infinite of a single one."""
+    """Variance of the mean of independent sums over its square; infinite for a single sum."""
     return float(sums.var(ddof=1)) / sums.size / float(sums.mean()) ** 2 if sums.size > 1 else math.inf
 
 
 def _chains(
-    state: LimitState, generator: np.random.Generator, points: Points, values: Floats, edge: float, width: float
+    state: LimitState, generator: np.random.Generator, points: Points, values: Floats, threshold: float, width: float
 ) -> tuple[Points, Floats, float]:
-    """Chains from points, one after the other, that stay within an edge; samples, their values, the width of a step."""
+    """Run chains from given points within an edge; returns samples, their values, and the step width."""
     count = values.size
     along, of = [points], [values]
-    for step in range(1, round(1.0 / KEPT)):
+    for step in range(1, round(1.0 / SEED_SHARE)):
         stays, new = math.sqrt(1.0 - width**2), draw(generator, count, points)
         blends = [
             (*((seeds, stays * share) for seeds, share in old), *((seeds, width * share) for seeds, share in added))
@@ -168,7 +169,7 @@ def _chains(
         ]
         tried = Points(stays * points.u + width * new.u, np.fromiter(blends, dtype=object, count=count))
         reached = state(tried)
-        goes = reached <= edge
+        goes = reached <= threshold
         points = Points(np.where(goes[:, None], tried.u, points.u), np.where(goes, tried.blends, points.blends))
         values = np.where(goes, reached, values)
         along.append(points)
@@ -180,7 +181,7 @@ def _chains(
 
 
 def library() -> Any:
-    """OpenTURNS.
+    """Import OpenTURNS.
 
     Raises
     ------
@@ -195,16 +196,16 @@ def library() -> Any:
 
 
 def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
-    """The point where a limit state is zero that is nearest to the origin (A. M. Hasofer and N. C. Lind, 1974).
+    """Find the point of the limit state nearest to the origin (A. M. Hasofer and N. C. Lind, 1974).
 
     Parameters
     ----------
-    state : the limit state, whose gradient is found by differences.
-    start : (d,) of the search by Rackwitz and Fiessler.
+    state : the limit state; its gradient is a finite difference.
+    start : (d,) start of the search by Rackwitz and Fiessler.
 
     Returns
     -------
-    (d,) point, and whether it is one.
+    (d,) point, and True if it lies on the limit.
     """
     ot, raised, slope, calls = library(), list[Exception](), 1.0, 0
 
@@ -212,10 +213,10 @@ def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
         nonlocal calls
         calls += len(u)
         if calls > MOST_CALLS * (start.size + 2):
-            raise _TooMany
+            raise _TooManyCalls
         try:
             return state(points_at(np.asarray(u, dtype=float)))[:, None] / slope
-        except Exception as error:  # OpenTURNS would make another one of it
+        except Exception as error:  # OpenTURNS would replace the exception
             raised.append(error)
             raise
 
@@ -226,14 +227,14 @@ def nearest_point(state: LimitState, start: Floats) -> tuple[Floats, bool]:
     search.setMaximumIterationNumber(40)
     search.setCheckStatus(False)
     for error in ("Absolute", "Relative", "Residual", "Constraint"):
-        getattr(search, f"setMaximum{error}Error")(NEAR)
+        getattr(search, f"setMaximum{error}Error")(SEARCH_TOLERANCE)
     try:
-        slope = float(np.linalg.norm(function.gradient(start)))  # its line search counts on a slope of about one
+        slope = float(np.linalg.norm(function.gradient(start)))  # its line search works best with a slope of about one
         if not slope > 0.0:
             return start, False
         search.run()
         point = np.asarray(search.getResult().getOptimalPoint(), dtype=float)
-        return point, bool(np.all(np.isfinite(point))) and abs(float(values([point])[0, 0])) < FOUND
+        return point, bool(np.all(np.isfinite(point))) and abs(float(values([point])[0, 0])) < LARGEST_LIMIT_DISTANCE
     except Exception:
         if raised:
             raise raised[0] from None

@@ -1,7 +1,7 @@
-"""Searches for the best design: for one objective by differential evolution and then locally; for two in `fronts`.
+"""Search for the best design: differential evolution and a local search for one objective; `fronts` for two.
 
-Both work on the unit cube, of which each side is the range of a varied number, or the list of values or choices. They
-ask for cases in batches, and for the same ones again with the same seed.
+Both work on the unit cube, each side of which is the range of a varied number, or a list of values or choices. They
+request cases in batches; the same seed gives the same cases.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.studies.designs import (
-    APART,
-    NEAR,
-    ON_A_LIMIT,
+    FIRST_RADIUS,
+    LIMIT_MARGIN,
+    PENALTY,
     RESOLUTION,
-    WORSE,
+    START_DISTANCE,
     Designs,
     local_search,
     unfinished_search,
@@ -23,7 +23,7 @@ from beamsim.analyses.studies.designs import (
 from beamsim.analyses.studies.fronts import front
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan
-from beamsim.analyses.studies.responses import means
+from beamsim.analyses.studies.responses import matches_request
 from beamsim.analyses.studies.worst import WorstSearch
 from beamsim.cases import Evaluator
 from beamsim.errors import ScenarioError
@@ -31,45 +31,46 @@ from beamsim.outcomes import COMPLETE, Outcome
 from beamsim.scenario.studies import Optimise
 from beamsim.typing import Floats, not_none
 
-BY_EVOLUTION = 0.75  # of the cases that are allowed; the rest is for the local search
-WITHIN_TOLERANCES = 0.2  # of the cases, where the worst judges them: a local search with the worst that was found
-ROUNDS = 3  # of that search, each with the worst of the design before
-CLOSER = 2e-4  # of a range, to which that search locates a design, which a limit within tolerances mostly binds
-SETTLED = 0.01  # of the objective and limits, by which the last quarter of a search that the budget ended may improve
-STARTS = 4  # of the local search, from the best designs that lie apart
+EVOLUTION_SHARE = 0.75  # of the allowed cases; the rest is for the local search
+WORST_SEARCH_SHARE = 0.2  # of the cases: for a local search with the worst realisations found within tolerances
+ROUNDS = 3  # of that search, each with the worst realisation of the previous design
+LOCAL_TOLERANCE = 2e-4  # of a range: tolerance of that search, since a limit within tolerances usually governs
+# of the objective and limits: improvement of a converged search in the last quarter of its designs
+CONVERGED_SHARE = 0.01
+STARTS = 4  # of the local search, from the best designs that differ enough
 
 
 def search(plan: StudyPlan, evaluate: Evaluator, worst: WorstSearch) -> Outcome:
-    """Try designs until the best one, or the front of two objectives, is found.
+    """Solve designs until the best one, or the front of two objectives, is found.
 
     Parameters
     ----------
-    plan : of the search.
-    evaluate : solves the cases; all that is known of them is kept there.
+    plan : plan of the search.
+    evaluate : evaluator that solves the cases and keeps their outcomes.
     worst : the search for the worst within tolerances.
 
     Returns
     -------
     Outcome
-        Complete, or why the best design is in doubt.
+        Complete, or why the best design is not certain.
     """
     settings = not_none(plan.scenario.optimise)
     first = evaluate([plan.cases[0].values])[0][0]
     for name in (name for aim in objectives(plan.scenario) for name, _ in aim.terms):
-        if first.outcome.complete and not any(means(name, known) for known in first.values):
+        if first.outcome.complete and not any(matches_request(name, known) for known in first.values):
             raise ScenarioError.at(
-                "optimise", f"asks for {name}, which no design has", "leave responses out to see all"
+                "optimise", f"asks for {name}, but no design has it", "leave responses out to see all"
             )
     designs = Designs(plan, evaluate)
     if len(objectives(plan.scenario)) > 1:
         return front(designs, settings)
-    most = settings.most_cases - (round(WITHIN_TOLERANCES * settings.most_cases) if worst.judges_by_worst else 0)
+    most = settings.most_cases - (round(WORST_SEARCH_SHARE * settings.most_cases) if worst.judges_by_worst else 0)
     ended = _best(designs, settings.model_copy(update={"most_cases": most}), plan.scenario.limits is not None)
     return (_improve_worst(designs, worst, settings.most_cases) if worst.judges_by_worst else None) or ended
 
 
 def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
-    """Differential evolution of a population that is solved as one batch, then the simplex method from the best of it.
+    """Differential evolution, one batch per population, then the simplex method from its best designs.
 
     Sources: R. Storn and K. Price, Journal of Global Optimization 11 (1997) 341-359; J. Lampinen, CEC 2002.
     """
@@ -78,9 +79,9 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
     varied = designs.plan.study.varied
     count = len(varied)
     size = max(8, -(-16 // count))
-    generations = max(1, int(BY_EVOLUTION * settings.most_cases / (size * count)) - 1)
+    generations = max(1, int(EVOLUTION_SHARE * settings.most_cases / (size * count)) - 1)
 
-    def beyond(points: Floats) -> Floats:
+    def excesses(points: Floats) -> Floats:
         return designs(points.reshape(count, -1).T)[1].reshape(1, -1)
 
     def objective(points: Any) -> Any:
@@ -89,46 +90,46 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
     found: Any = differential_evolution(
         objective, Bounds(np.zeros(count), np.ones(count)), maxiter=generations, popsize=size, polish=False,
         vectorized=True, updating="deferred", rng=np.random.default_rng(settings.seed),
-        constraints=NonlinearConstraint(beyond, -np.inf, 0.0) if limited else (),
+        constraints=NonlinearConstraint(excesses, -np.inf, 0.0) if limited else (),
     )  # fmt: skip
 
     free = designs.free
     settled, least, taken = bool(found.success) or designs.exhausted, np.inf, list[Floats]()
     for _ in range(STARTS if free.any() else 0):
-        start, room = designs.best_apart(taken), settings.most_cases - designs.design_count
+        start, room = designs.best_away_from(taken), settings.most_cases - designs.design_count
         if start is None or room < 1:
             break
 
         def merit(point: Floats, start: Floats = start) -> float:
-            values, excess = designs(designs.placed(start, point)[None])
+            values, excess = designs(designs.with_numbers(start, point)[None])
             return float(values[0, 0]) if excess[0] == 0.0 else np.inf
 
         first = start[free]
-        simplex = np.vstack([first, first + np.diag(np.where(first < 0.5, APART, -APART) / 2.0)])
+        simplex = np.vstack([first, first + np.diag(np.where(first < 0.5, START_DISTANCE, -START_DISTANCE) / 2.0)])
         local: Any = minimize(
             merit, first, method="Nelder-Mead", bounds=Bounds(0.0 * first, 0.0 * first + 1.0),
             options={"initial_simplex": simplex, "xatol": RESOLUTION, "fatol": np.inf, "maxfev": room},
         )  # fmt: skip
-        taken += [start, designs.placed(start, local.x)]
+        taken += [start, designs.with_numbers(start, local.x)]
         if local.fun < least:
             least, settled = local.fun, bool(local.success)
     return COMPLETE if settled else unfinished_search(designs.design_count)
 
 
 def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome | None:
-    """Search for the best design locally, judged by the sample and where others are worst, until that is its worst.
+    """Local search for the best design, judged by the sample and by the worst realisations of other designs.
 
-    A sample judges a design too well; what it misses is known after a search for the worst (the cutting-set method of
-    A. Mutapcic and S. Boyd, Optimization Methods and Software 24 (2009) 381-406).
+    A sample alone judges a design too favourably; a search for the worst realisation corrects it (the cutting-set
+    method of A. Mutapcic and S. Boyd, Optimization Methods and Software 24 (2009) 381-406).
 
     Parameters
     ----------
-    designs, worst : of the search.
-    most : number of designs that are tried at most.
+    designs, worst : designs, and the search for the worst.
+    most : largest number of designs.
 
     Returns
     -------
-    Complete, or what the last local search did not come to; None without one.
+    Complete, or what the last local search did not reach; None without a local search.
     """
     ended: Outcome | None = None
     for k in range(ROUNDS):
@@ -142,49 +143,49 @@ def _improve_worst(designs: Designs, worst: WorstSearch, most: int) -> Outcome |
         ):
             break
         start = designs.points[worst.evaluate.rows[case]]
-        ended = _descend_worst(designs, worst, start, most, NEAR if k else APART)
+        ended = _descend_worst(designs, worst, start, most, FIRST_RADIUS if k else START_DISTANCE)
     return ended
 
 
 def _descend_worst(designs: Designs, worst: WorstSearch, start: Floats, most: int, radius: float) -> Outcome:
-    """Search locally for the best design, judged by the sample and where others are worst.
+    """Local search for the best design, judged by the sample and by the worst realisations of other designs.
 
     Parameters
     ----------
     designs, worst, most : as above.
-    start : (parameters,) design whose corners are known.
-    radius : of the first steps.
+    start : (parameters,) design with known corners.
+    radius : size of the first steps.
 
     Returns
     -------
-    Complete, or what it did not come to.
+    Complete, or why it did not converge.
     """
     tried: dict[tuple[float, ...], tuple[float, Floats]] = {}
     ended_by, free = "", designs.free
 
-    def known(numbers: Floats) -> tuple[float, Floats]:
+    def known_values(numbers: Floats) -> tuple[float, Floats]:
         nonlocal ended_by
-        point = designs.placed(start, np.clip(numbers, 0.0, 1.0))
+        point = designs.with_numbers(start, np.clip(numbers, 0.0, 1.0))
         if (key := tuple(point.tolist())) not in tried:
             if designs.design_count >= most or not worst.affords(worst.critical):
                 ended_by = "most_cases" if designs.design_count >= most else "worst_cases of its tolerances"
                 return np.inf, np.full_like(base[1], np.inf)
-            tried[key] = designs.signed_with(point, worst.realisations_worst_for_others)
+            tried[key] = designs.objective_with_further(point, worst.realisations_worst_for_others)
         return tried[key]
 
-    base = tried[tuple(start.tolist())] = designs.signed_with(start, worst.realisations_worst_for_others)
+    base = tried[tuple(start.tolist())] = designs.objective_with_further(start, worst.realisations_worst_for_others)
     scale = abs(base[0]) if np.isfinite(base[0]) and base[0] else 1.0
 
     def merit(numbers: Floats) -> float:
-        return float(min(known(numbers)[0] / scale, WORSE))
+        return float(min(known_values(numbers)[0] / scale, PENALTY))
 
-    def beyond(numbers: Floats) -> Floats:
-        return np.asarray(np.minimum(known(numbers)[1] + ON_A_LIMIT, WORSE))
+    def excesses(numbers: Floats) -> Floats:
+        return np.asarray(np.minimum(known_values(numbers)[1] + LIMIT_MARGIN, PENALTY))
 
-    _, settled = local_search(merit, beyond, start[free], most - designs.design_count + 1, (radius, CLOSER))
+    _, settled = local_search(merit, excesses, start[free], most - designs.design_count + 1, (radius, LOCAL_TOLERANCE))
     over = [(value, float(of.max(initial=0.0))) for value, of in tried.values()]
     least = min(value if excess <= 0.0 else np.inf for value, excess in over)
-    before = min(value if excess <= SETTLED else np.inf for value, excess in over[: -(-3 * len(over) // 4)])
-    if (settled and not ended_by) or abs(before - least) <= SETTLED * abs(least) < np.inf:
+    before = min(value if excess <= CONVERGED_SHARE else np.inf for value, excess in over[: -(-3 * len(over) // 4)])
+    if (settled and not ended_by) or abs(before - least) <= CONVERGED_SHARE * abs(least) < np.inf:
         return COMPLETE
-    return unfinished_search(designs.design_count, more=ended_by or "most_cases")
+    return unfinished_search(designs.design_count, key=ended_by or "most_cases")

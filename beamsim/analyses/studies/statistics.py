@@ -1,4 +1,4 @@
-"""What a sample says: percentiles, populations, the probability that a limit is met, what a response goes with."""
+"""Statistics of a sample: percentiles, populations, probability of meeting a limit, correlations."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from beamsim.typing import Floats
 
 PERCENTILES = (5, 50, 95)
-CHANCE = 0.05  # share of samples of one population in which two are seen, at most
+LARGEST_CHANCE = 0.05  # share of unimodal samples that are split into two populations, at most
 
 
 def statistics(known: Floats) -> dict[str, Any]:
-    """Mean, deviation, quantiles with their 95 % intervals, and the populations of values where there are several."""
+    """Mean, standard deviation, quantiles with 95 % intervals, and the populations if there are several."""
     from scipy.stats import quantile_test
 
     summary: dict[str, Any] = {
@@ -37,30 +37,30 @@ def statistics(known: Floats) -> dict[str, Any]:
 
 
 def populations(values: Floats) -> list[Floats]:
-    """Values in their order, split at the gaps that a distribution with one peak hardly has.
+    """Sort the values and split them at gaps that a unimodal distribution hardly has.
 
-    On one side of a gap, density falls from there on. The first of the n spacings of that side and the gap is then at
-    most as large as that of even values, of which it is a share s with the probability (1 - s)^(n - 1). That of a gap
-    is the larger one of its two sides, times the number of gaps.
+    In a unimodal distribution the density decreases on one side of each gap. The first of the n spacings on that side,
+    with the gap, is then at most as large as for uniform values, where it is a share s with the probability
+    (1 - s)^(n - 1). The probability of a gap is the larger one of its two sides, times the number of gaps.
     """
     values = np.sort(values)
     distinct, counts = np.unique(values, return_counts=True)
     if distinct.size < 2:
         return [values]
-    if np.sum(counts > 1) > 1:  # of a few values, such as numbers of contacts; one alone may be no force at all
+    if np.sum(counts > 1) > 1:  # few distinct values; one alone may be a zero force
         counts = np.ones_like(counts)
     gaps, left = np.diff(distinct), np.cumsum(counts)[:-1] - 1  # spacings on the left of each gap
     right, below, above = counts.sum() - left - 2, distinct[:-1] - distinct[0], distinct[-1] - distinct[1:]
     chance = gaps.size * np.maximum((below / (below + gaps)) ** left, (above / (above + gaps)) ** right)
     at = int(chance.argmin())
-    if chance[at] > CHANCE:
+    if chance[at] > LARGEST_CHANCE:
         return [values]
     lower = values <= distinct[at]
     return [*populations(values[lower]), *populations(values[~lower])]
 
 
 def rank_correlations(values: Floats, numbers: Mapping[str, Floats]) -> dict[str, dict[str, float]]:
-    """Rank correlation of a response with each number that varies, and the probability that chance gives as much."""
+    """Rank correlation of a response with each varied number, and the probability of as much by chance."""
     from scipy.stats import spearmanr
 
     known = np.isfinite(values)
@@ -71,11 +71,11 @@ def rank_correlations(values: Floats, numbers: Mapping[str, Floats]) -> dict[str
 
 
 def swings(values: Floats, numbers: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, Any]]:
-    """Of one parameter at a time: the smallest and the largest value with each, and what it is there.
+    """Effect of one parameter at a time: the smallest and largest response, and the parameter's values there.
 
     Parameters
     ----------
-    values : (cases,) of the response, the first as the scenario is; nan where it is not known.
+    values : (cases,) responses, the first one of the unchanged scenario; nan if unknown.
     numbers : by path (cases,) numbers or words.
     """
     ranges = {}
@@ -91,24 +91,24 @@ def swings(values: Floats, numbers: Mapping[str, NDArray[Any]]) -> dict[str, dic
 
 
 def varies(values: Floats) -> bool:
-    """Whether values differ by more than round-off; those that are not known do not count."""
+    """True if the known values differ by more than round-off."""
     known = values[np.isfinite(values)]
     return bool(known.size) and bool(np.ptp(known) > 1e-9 * np.max(np.abs(known)))
 
 
 def sensitivities(responses: Mapping[str, Floats], count: int) -> tuple[dict[str, dict[str, Floats]], list[str]]:
-    """The Sobol' indices of every response that varies and is known in all cases, and the names of those with gaps.
+    """Sobol' indices of every varying response that is known in all cases, and the names of responses with gaps.
 
     Parameters
     ----------
-    responses : (cases,) of the cases of `beamsim.analyses.studies.plan.sobol`, in their order.
+    responses : (cases,) responses of the cases of `beamsim.analyses.studies.plan.sobol`, in their order.
     count : number of parameters.
 
     Returns
     -------
     dict
-        By response ``first_order`` and ``total_order``, (parameters,), and the same with ``_low`` and ``_high``, the
-        ends of their 95 % intervals.
+        By response ``first_order`` and ``total_order``, (parameters,), with the ends ``_low`` and ``_high`` of their
+        95 % intervals.
     list of str
     """
     indices, gaps = {}, []

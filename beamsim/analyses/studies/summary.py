@@ -1,4 +1,4 @@
-"""The result of a study from the table of its cases: datasets, summary, warnings, and how it ended."""
+"""Result of a study from the table of its cases: datasets, summary, warnings and outcome."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from beamsim.analyses.studies.layouts import CASES, FURTHER, REALISATIONS, SOBOL
 from beamsim.analyses.studies.plan import ParameterColumn, StudyPlan, varied_seeds
-from beamsim.analyses.studies.responses import describe, means
+from beamsim.analyses.studies.responses import describe, matches_request
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.statistics import (
     rank_correlations,
@@ -23,8 +23,8 @@ from beamsim.analyses.studies.statistics import (
 )
 from beamsim.analyses.studies.table import (
     SAMPLES,
-    UNKNOWN,
-    WIDE,
+    UNKNOWN_MARGIN,
+    WIDE_GAP,
     LimitColumns,
     StudyTable,
     shares_between,
@@ -41,24 +41,24 @@ from beamsim.scenario.studies import ToleratedParameter
 from beamsim.typing import Floats
 
 _NUMBERS = re.compile(r"[-+]?\d[\d.,]*(?:e[-+]?\d+)?")
-_NEAR = 0.01  # relative distance of designs that are nearly as good as the best one
+_NEAR = 0.01  # relative distance within which designs are nearly as good as the best one
 Indices = Mapping[str, Mapping[str, Floats]]
-"""By response and order the Sobol' indices of the parameters, see `sensitivities`."""
+"""Sobol' indices of the parameters by response and order, see `sensitivities`."""
 
 
 def result_of(
-    plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0, ended: Outcome | None = None,
-    searches: Mapping[int, bool] = MappingProxyType({}),
+    plan: StudyPlan, outcomes: Mapping[int, CaseOutcome], wall_time_s: float = 0.0,
+    search_outcome: Outcome | None = None, searches: Mapping[int, bool] = MappingProxyType({}),
 ) -> StudyResult:  # fmt: skip
-    """The result of the cases that are solved.
+    """Assemble the result of the solved cases.
 
     Parameters
     ----------
-    plan : of the study.
-    outcomes : by index; may be those of some cases only.
-    wall_time_s : of the study, s.
-    ended : how a search ended; None while it goes on.
-    searches : by number of the cases whose worst was searched, whether that came to its end.
+    plan : plan of the study.
+    outcomes : outcomes by index; possibly of some cases only.
+    wall_time_s : wall time of the study, s.
+    search_outcome : outcome of a search; None while it continues.
+    searches : by case whose worst was searched, True if the search was completed.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def result_of(
     plan, scenario = table.plan, plan.scenario
     indices, gaps = sensitivities(table.nominal, len(plan.parameters)) if plan.kind == "sobol" else ({}, [])
     if plan.searches:
-        ended = _search_ended(table, ended)
+        search_outcome = _search_ended(table, search_outcome)
     datasets = {"cases": _cases(table)}
     if table.count > 1:
         datasets["realisations"] = _realisations(table)
@@ -81,7 +81,7 @@ def result_of(
         datasets["sobol"] = SOBOL.dataset({"response": list(indices), "parameter": parameters, **values})
     return StudyResult(
         scenario=scenario,
-        outcome=_outcome(table) if ended is None else ended,
+        outcome=_outcome(table) if search_outcome is None else search_outcome,
         datasets=datasets,
         warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_about_worst(table, searches),
             *_warnings_of_cases(table),
@@ -108,7 +108,7 @@ def result_of(
 
 
 def _cases(table: StudyTable) -> Dataset:
-    """The dataset of the cases."""
+    """Dataset of the cases."""
     plan, units = table.plan, table.plan.scenario.output_units
     cases, columns, aims = table.shape[0], plan.parameters, [aim for aim, values in table.aims if values is not None]
     words = [parameter for parameter in columns if not parameter.numeric]
@@ -161,7 +161,7 @@ def _words(names: Mapping[str, Any], output_units: Mapping[str, str]) -> list[di
 
 
 def _realisations(table: StudyTable) -> Dataset:
-    """The dataset of the realisations within tolerances."""
+    """Dataset of the realisations within tolerances."""
     realisations, cases, count = table.plan.study.realisations, table.shape[0], table.count
     tolerances = [_tolerance(parameter) for parameter in realisations.parameters]
     values = {
@@ -178,7 +178,7 @@ def _realisations(table: StudyTable) -> Dataset:
 
 
 def _further_dataset(table: StudyTable) -> Dataset:
-    """The dataset of the further realisations, with which the worst of cases was searched."""
+    """Dataset of the further realisations, used in the search for the worst."""
     every = [(case, outcome) for case, of in table.further_realisations.items() for outcome in of]
     values = {
         "further": 1 + np.arange(len(every)),
@@ -203,7 +203,7 @@ def _tolerance(parameter: ToleratedParameter) -> dict[str, Any]:
 
 
 def _range_of_values(values: Any, unit: str) -> dict[str, Any]:
-    """How many different values a parameter has, and their ends, or the words."""
+    """Number of different values of a parameter, and their ends, or the words."""
     different = list(dict.fromkeys(values.tolist()))
     if different and isinstance(different[0], str):
         return {"values": len(different), "unit": "", "chosen_from": different}
@@ -212,7 +212,7 @@ def _range_of_values(values: Any, unit: str) -> dict[str, Any]:
 
 
 def _kind_of_worst(table: StudyTable, case: int, searches: Mapping[int, bool]) -> str | None:
-    """Whether the worst that judges a case is sampled or searched; None where no worst judges it."""
+    """How the worst that judges a case was found: sampled or searched; None if no worst judges it."""
     if not table.plan.study.realisations.judged_by_worst:
         return None
     if case in searches:
@@ -221,7 +221,7 @@ def _kind_of_worst(table: StudyTable, case: int, searches: Mapping[int, bool]) -
 
 
 def _about_best(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any]:
-    """Entries of the summary about limits and objectives."""
+    """Summary entries about limits and objectives."""
     plan, values, best = table.plan, table.aims[0][1], table.best
     worst = {name: _worst_of_limit(table, name, of) for name, of in table.limits.items() if table.every_response}
     first: list[dict[str, Any]] = []
@@ -257,7 +257,7 @@ def _about_best(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, An
 
 
 def _near_best(table: StudyTable) -> dict[str, Any] | None:
-    """By number its range in the designs that are nearly as good as the best one."""
+    """Range of each number in the designs that are nearly as good as the best one."""
     values = table.aims[0][1]
     if values is None or not table.best:
         return None
@@ -273,7 +273,7 @@ def _near_best(table: StudyTable) -> dict[str, Any] | None:
 
 
 def _front_ends(table: StudyTable) -> list[dict[str, Any]]:
-    """By objective the design of the front that is best in it, and which of its numbers are ends of their ranges."""
+    """Design of the front that is best in each objective, with the numbers that are at ends of their ranges."""
     among, found = np.flatnonzero(table.eligible), list[dict[str, Any]]()
     for aim, values in table.aims:
         if values is not None:
@@ -288,7 +288,7 @@ def _front_ends(table: StudyTable) -> list[dict[str, Any]]:
 
 
 def _front_gaps(table: StudyTable) -> list[dict[str, Any]] | None:
-    """The wide gaps of the front with the objectives at both ends, widest first; None without one."""
+    """Wide gaps of the front with the objectives at both ends, widest first; None without gaps."""
     cases, names = np.flatnonzero(table.eligible), list(table.objectives)
     values = np.array([table.objectives[name][cases] for name in names])
     values = values[:, np.argsort(values[0])]
@@ -296,14 +296,14 @@ def _front_gaps(table: StudyTable) -> list[dict[str, Any]] | None:
     gaps = [
         {"share": float(shares[k]), **{end: dict(zip(names, values[:, at].tolist(), strict=True)) for end, at in ends}}
         for k in np.argsort(-shares, kind="stable").tolist()
-        if shares[k] > WIDE
+        if shares[k] > WIDE_GAP
         for ends in [(("from", k), ("to", k + 1))]
     ]
     return gaps or None
 
 
 def _at_end(table: StudyTable, parameter: ParameterColumn, case: int) -> bool:
-    """Whether a number of a case is an end of its range."""
+    """True if a number of a case is at an end of its range."""
     if not parameter.numeric:
         return False
     low, high = next((p.low, p.high) for p in table.plan.study.varied if p.path == parameter.path)
@@ -313,30 +313,30 @@ def _at_end(table: StudyTable, parameter: ParameterColumn, case: int) -> bool:
 
 
 def _margins_of_one(table: StudyTable, case: int) -> dict[str, Any]:
-    """The margins of one case alone."""
+    """Margins of a single case."""
     count = table.count
     if case * count not in table.outcomes:
         return {}
     own = {r: table.outcomes[case * count + r] for r in range(count)}
     own |= {of.index: replace(of, within=0) for of in table.further_realisations.get(case, ())}
-    alone = StudyTable(table.plan.of([own[0].given]), own)
+    alone = StudyTable(table.plan.with_rows([own[0].given]), own)
     if not alone.every_response:
         return {}
     return {name: _worst_of_limit(alone, name, of) | {"case": case} for name, of in alone.limits.items()}
 
 
 def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str, Any]:
-    """What the summary says of a limit: the verdict on all cases, and the case with the smallest margin that has it.
+    """Summary of a limit: the verdict on all cases, and the case with the smallest margin and that verdict.
 
     Parameters
     ----------
-    table, name, of : of the limit.
+    table, name, of : table of the study, name and columns of the limit.
     """
     verdict, known, margin = of.of_cases(of.verdict), of.of_cases(table.known), table.margins[name]
     graver = Verdict.EXCEEDED, Verdict.NOT_RELIABLE, Verdict.UNDECIDED
     exceeding, unsure, undecided = with_verdict = [known & (verdict == each) for each in graver]
     judged = next((each for each, cases in zip(graver, with_verdict, strict=True) if cases.any()), Verdict.MET)
-    if judged is Verdict.MET and not known.all():  # what is missing may exceed it
+    if judged is Verdict.MET and not known.all():  # a missing value may exceed the limit
         judged = Verdict.NOT_RELIABLE
     counts: dict[str, Any] = {"cases_exceeding": int(exceeding.sum()), "cases_not_reliable": int(unsure.sum())}
     if undecided.any():
@@ -348,11 +348,11 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
     computed = of.of_cases(table.fulfils(lambda outcome: not outcome.failed))
     shown = next((each for each in (among & computed, computed, among) if not np.isnan(margin[each]).all()), among)
     sizes = np.where(shown, margin, np.nan)
-    if np.isnan(sizes).all():  # of which no case has a value
+    if np.isnan(sizes).all():  # no case has a value
         return {**margins_of(table.plan.scenario.limits, {})[name], **about}
     case = int(np.nanargmin(sizes))
     outcome = table.outcome(case, int(of.deciding[case]))
-    found = {**UNKNOWN, **outcome.margins.get(name, {})}
+    found = {**UNKNOWN_MARGIN, **outcome.margins.get(name, {})}
     return {**found, "case": case, "parameters": table.plan.values_in(case), **about}
 
 
@@ -384,7 +384,7 @@ def _tolerances(plan: StudyPlan) -> dict[str, Any] | None:
 
 
 def _worst(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | None:
-    """Of the best case by limit and objective the worst value within the tolerances, and where it is."""
+    """Worst values of the best case within the tolerances, by limit and objective, and their deviations."""
     realisations = table.plan.study.realisations
     if not (table.best and realisations.judged_by_worst):
         return None
@@ -402,14 +402,14 @@ def _worst(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | 
     kind = _kind_of_worst(table, case, searches)
     return {
         "case": case, "kind": kind, "further_cases": sum(map(len, table.further_realisations.values())),
-        "most_further_cases": realisations.most_further, "by": found,
+        "most_further_cases": realisations.most_further_cases, "by": found,
     }  # fmt: skip
 
 
 def _scatter(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] | None:
-    """What the best case ranges over within its tolerances, or the only one; known realisations only.
+    """Ranges of the responses of the best (or only) case within its tolerances, over known realisations.
 
-    Smallest and largest values are those of all realisations that are solved, statistics those of the sample.
+    Extremes include all solved realisations; statistics only those of the sample.
     """
     cases, count = table.shape[0], table.count
     if count == 1 or not table.responses or not (table.best or cases == 1):
@@ -429,20 +429,20 @@ def _scatter(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any] 
 
 
 def _kinds_of_ends(table: StudyTable, case: int, name: str, searches: Mapping[int, bool]) -> dict[str, str]:
-    """Whether the smallest and the largest value of a response within the tolerances are sampled or searched.
+    """How the smallest and largest value of a response within the tolerances were found: sampled or searched.
 
     Parameters
     ----------
-    table, case : of the study, and the number of the case.
-    name : of the response.
-    searches : by number of the cases whose worst was searched, whether that came to its end.
+    table, case : table of the study, and index of the case.
+    name : name of the response.
+    searches : by case whose worst was searched, True if the search was completed.
     """
 
     def searched(judge: Judge) -> bool:
-        """Whether the search by a judge was one for this response: its place is the worst one."""
-        named = [other for other in table.responses if any(means(asked, other) for asked in judge.asked)]
+        """True if the search by a judge applies to this response: its place is the worst one."""
+        named = [other for other in table.responses if any(matches_request(asked, other) for asked in judge.responses)]
         ends = {other: np.nanmax(judge.sign * table.responses[other][case]) for other in named}
-        return name in ends and len(judge.asked) == 1 and ends[name] == max(ends.values())
+        return name in ends and len(judge.responses) == 1 and ends[name] == max(ends.values())
 
     kinds = {"smallest_is": SAMPLED, "largest_is": SAMPLED}
     if (kind := _kind_of_worst(table, case, searches)) is not None:
@@ -452,7 +452,7 @@ def _kinds_of_ends(table: StudyTable, case: int, name: str, searches: Mapping[in
 
 
 def _sensitivity(table: StudyTable, indices: Indices) -> dict[str, dict[str, dict[str, Any]]]:
-    """By response and parameter: Sobol' indices, the range over its values alone, or the rank correlation."""
+    """Sensitivity by response and parameter: Sobol' indices, range over the parameter alone, or rank correlation."""
     kind, parameters = table.plan.kind, table.plan.parameters
     if kind == "sobol":
         return {
@@ -470,10 +470,10 @@ def _sensitivity(table: StudyTable, indices: Indices) -> dict[str, dict[str, dic
 
 
 def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
-    """Warnings about the choice of a case and about sensitivity indices."""
+    """Warnings about the choice of the best case and about sensitivity indices."""
     objective = table.aims[0][0]
     if table.unknown_aim and table.every_response:
-        key, asked = "maximise" if objective.largest else "minimise", " + ".join(name for name, _ in objective.terms)
+        key, asked = "maximise" if objective.maximised else "minimise", " + ".join(name for name, _ in objective.terms)
         yield f"vary.{key} = {asked}: no case has such a response; they have {', '.join(table.responses)}"
     for name in table.limits if table.every_response else ():
         if np.isnan(table.margins[name]).all():
@@ -483,23 +483,23 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
 
 
 def _about_worst(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[str]:
-    """A note where the budget ended the search for the worst of the best case, or left none for it."""
-    most = table.plan.study.realisations.most_further
+    """Note if the budget ended the search for the worst of the best case, or did not allow one."""
+    most = table.plan.study.realisations.most_further_cases
     if not table.best or not most or sum(map(len, table.further_realisations.values())) < most:
         return
     case = int(table.best[0]["case"])
     if _kind_of_worst(table, case, searches) != SEARCHED:
         key = f"{getattr(table.plan.scenario.study, 'section', 'vary')}.tolerances.worst_cases"
         yield (
-            f"{key} = {most} ended the search for the worst of case {case + 1} before its end: give more, or the worst "
+            f"{key} = {most} ended the search for the worst of case {case + 1} early: raise it, or the worst "
             "may be worse than is printed"
         )
 
 
 def _about_seeds(plan: StudyPlan) -> list[str]:
-    """A note on the scatter between the seeds of a random input."""
+    """Note on the scatter between the seeds of a random input."""
     inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
-    amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # of random inputs alone
+    amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # random inputs only
     if not amplitudes:
         return []
     if amplitudes == {"random"}:
@@ -514,7 +514,7 @@ def _about_seeds(plan: StudyPlan) -> list[str]:
 
 
 def _warnings_of_cases(table: StudyTable) -> Iterator[str]:
-    """The warnings of the cases, those that differ by numbers alone as one: the first, and in how many cases."""
+    """Warnings of the cases; those that differ only in numbers are combined: the first, and the number of cases."""
     total = table.shape[0]
     found: dict[str, tuple[str, set[int]]] = {}
     for index in sorted(table.outcomes):
@@ -523,20 +523,20 @@ def _warnings_of_cases(table: StudyTable) -> Iterator[str]:
                 found.setdefault(_NUMBERS.sub("#", text), (text, set()))[1].add(table.case_of(index))
     for text, numbers in found.values():
         if text.startswith("limits.") and text.endswith(QUESTION_END) and len(numbers) < total:
-            continue  # a study that comes near its limit in other cases has it in the right unit
+            continue  # a study that approaches its limit in other cases uses the right unit
         first = "" if total == 1 else f"case {min(numbers) + 1}: "
         more = f" (and in {len(numbers) - 1} more of {total} cases)" if len(numbers) > 1 else ""
         yield f"{first}{text}{more}"
 
 
-def _search_ended(table: StudyTable, ended: Outcome | None) -> Outcome:
-    """How a search ended, with what it did not find."""
-    done, most, failures = table.shape[0], table.plan.most, list(table.failures.values())
-    if ended is None:
+def _search_ended(table: StudyTable, outcome: Outcome | None) -> Outcome:
+    """Outcome of a search, with what it did not find."""
+    done, most, failures = table.shape[0], table.plan.most_cases, list(table.failures.values())
+    if outcome is None:
         sentence = f"the search has tried {done} of at most {most} designs"
         return Outcome.of(OutcomeKind.INCOMPLETE, "cases_missing", sentence, done=done, cases=most)
     if table.best or not done:
-        return ended
+        return outcome
     reason = f"; the first of {len(failures)} that failed: {failures[0].outcome.text}" if failures else ""
     sentence = f"no feasible design found after {done} of {most} cases{reason}"
     more = ", or more most_cases" if done >= most else ""
@@ -550,7 +550,7 @@ def _search_ended(table: StudyTable, ended: Outcome | None) -> Outcome:
 
 
 def _outcome(table: StudyTable) -> Outcome:
-    """How a study ended: what is missing, and what is wrong with cases."""
+    """Outcome of a study: missing cases, and unreliable cases."""
     total, parts = table.shape[0], list[Outcome]()
     done = int(table.known.all(axis=1).sum())
     if done < total:

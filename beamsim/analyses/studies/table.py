@@ -26,9 +26,9 @@ from beamsim.typing import Bools, Floats, Ints
 
 SAMPLES = ("latin_hypercube", "sobol", "draws")  # kinds of studies that have statistics
 MOST_BEST = 10
-WIDE = 0.08  # of the length of a front: a wider gap between neighbours is searched and named
-NEAREST = 1  # histories of a study of reliability that are compared, by limit
-UNKNOWN = {"value": math.nan, "lowest": math.nan, "highest": math.nan, "verdict": Verdict.NOT_RELIABLE.value}
+WIDE_GAP = 0.08  # of the length of a front: a wider gap between neighbours is searched and named
+MOST_COMPARED = 1  # histories of a study of reliability that are compared, by limit
+UNKNOWN_MARGIN = {"value": math.nan, "lowest": math.nan, "highest": math.nan, "verdict": Verdict.NOT_RELIABLE.value}
 """The margin of a case that is missing or has none."""
 
 
@@ -197,9 +197,9 @@ class StudyTable:
         return {name: self._columns_of(name, limit) for name, limit in given.items()}
 
     def _columns_of(self, name: str, limit: float) -> LimitColumns:
-        items = [UNKNOWN] * self.order.size
+        items = [UNKNOWN_MARGIN] * self.order.size
         for index, outcome in self.outcomes.items():
-            items[self._at[index]] = {**UNKNOWN, **outcome.margins.get(name, {})}
+            items[self._at[index]] = {**UNKNOWN_MARGIN, **outcome.margins.get(name, {})}
         value, low, high = (
             np.array([item[key] for item in items], dtype=float)[self.places] for key in ("value", "lowest", "highest")
         )
@@ -242,7 +242,9 @@ class StudyTable:
         quantile, aims = self.plan.study.realisations.quantile, []
         for aim in objectives(self.plan.scenario):
             values = aim.of(self.responses)
-            aims.append((aim, None if values is None else deciding_values(values, quantile, large_is_good=aim.largest)))
+            aims.append(
+                (aim, None if values is None else deciding_values(values, quantile, large_is_good=aim.maximised))
+            )
         return aims
 
     @property
@@ -375,7 +377,7 @@ def table_of(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> StudyTable
     number = next(k for k in range(len(sampled) + 1) if any(k * count + r not in sampled for r in range(count)))
     kept = {k: outcomes[k] for k in range(number * count)}
     further = {k: outcome for k, outcome in outcomes.items() if outcome.deviations and outcome.within < number}
-    return StudyTable(plan.of([kept[k * count].given for k in range(number)]), kept | further)
+    return StudyTable(plan.with_rows([kept[k * count].given for k in range(number)]), kept | further)
 
 
 def costs(plan: StudyPlan, outcomes: Sequence[CaseOutcome]) -> tuple[Floats, Floats]:
@@ -430,7 +432,7 @@ def cases_to_compare(plan: StudyPlan, outcomes: Mapping[int, CaseOutcome]) -> li
             changes = np.maximum(of.high / of.value - 1.0, 1.0 - of.low / of.value)
         if rare:
             nearest = usable & (apart <= np.nanmin(apart[usable], initial=np.inf))
-            wanted.flat[np.flatnonzero(nearest)[:NEAREST]] = True
+            wanted.flat[np.flatnonzero(nearest)[:MOST_COMPARED]] = True
             continue
         values = np.where(of.of_cases(usable), of.of_cases(of.value), -np.inf)
         if np.any(np.isfinite(values)):

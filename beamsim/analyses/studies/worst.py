@@ -1,8 +1,8 @@
-"""The worst that tolerances allow of a case: corners of the box of deviations, then a search from the worst points.
+"""Search for the worst realisation within tolerances: corners of the box of deviations, then a compass search.
 
-A sample seldom comes near a corner of the box, where the worst most often is. The corners that are solved are all of a
-few numbers, else those that exact derivatives and a linear fit of the sample point to. From the worst of all points
-that are known a compass search goes on (R. Hooke and T. A. Jeeves, Journal of the ACM 8 (1961) 212-229), and once more
+A random sample rarely comes near a corner of the box, where the worst realisation usually is. With few numbers all
+corners are solved, otherwise those indicated by exact derivatives and a linear fit of the sample. From the worst known
+points a compass search continues (R. Hooke and T. A. Jeeves, Journal of the ACM 8 (1961) 212-229), and once more
 from the worst one that lies apart. Where the worse of both ended, it goes on with smaller steps.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.plan import StudyPlan
-from beamsim.analyses.studies.responses import limited_response, means
+from beamsim.analyses.studies.responses import limited_response, matches_request
 from beamsim.analyses.studies.table import StudyTable, table_of
 from beamsim.cases import CaseOutcome, Evaluator
 from beamsim.scenario.studies import Value
@@ -24,15 +24,15 @@ from beamsim.typing import Floats
 
 SAMPLED, TRIED = "sampled", "tried where others are worst"
 SEARCHED, UNFINISHED = "searched", "search not finished"
-"""What the worst of a case is."""
-OBJECTIVE = "objective"  # what an objective is called where a limit has its name
-FEW = 4  # numbers, all of whose corners are solved
-COARSE = (2.0, 1.0, 0.5, 0.25, 0.125)  # steps of the compass searches, in tolerances
-FINE = (0.0625, 0.03125)  # where the worse of two searches ended: a resonance is narrow
-BETTER = 1e-3  # of a value, by which a step makes it worse
-FOR_A_SEARCH = 0.4  # of the budget, which stays for the search of the last case while it is not known what one takes
-MOST_TRIED = 6  # cases, before the best of them is where a local search starts
-APART = 0.75  # in tolerances, from the worst point that was found to that where the second search starts
+"""How the worst value of a case was found."""
+OBJECTIVE = "objective"  # name of an objective that has the name of a limit
+MOST_WITH_ALL_CORNERS = 4  # number of toleranced numbers up to which all corners are solved
+COARSE = (2.0, 1.0, 0.5, 0.25, 0.125)  # step sizes of the compass searches, in tolerances
+FINE = (0.0625, 0.03125)  # step sizes at the end of the worse of two searches: a resonance is narrow
+LEAST_CHANGE = 1e-3  # relative change of a value that counts as worse
+SEARCH_SHARE = 0.4  # share of the budget reserved for the search of the last case while the cost of a search is unknown
+MOST_TRIED = 6  # cases tried before a local search starts from the best
+START_DISTANCE = 0.75  # distance of the second start from the worst point, in tolerances
 
 Point = tuple[float, ...]
 """Deviations of the numbers as shares of their tolerances, from -1 to 1."""
@@ -41,68 +41,70 @@ Changes = Mapping[str, Mapping[str, tuple[float, float]]]
 
 
 class Judge(NamedTuple):
-    """A limit or an objective: what is the worse, the larger it is."""
+    """Limit or objective as a measure of badness: larger is worse."""
 
     name: str
-    badness: Callable[[CaseOutcome], float]  # nan where it is not known
-    sign: float  # 1 where large responses are bad
-    asked: tuple[str, ...]  # responses, whose worst place counts
+    badness: Callable[[CaseOutcome], float]  # nan if unknown
+    sign: float  # 1 if large responses are bad
+    responses: tuple[str, ...]  # responses; the worst place counts
 
 
 def judges_of(plan: StudyPlan) -> list[Judge]:
-    """The judges of a study: every limit, and every objective that is made of responses."""
+    """Judges of a study: every limit, and every objective made of responses."""
     found = list[Judge]()
     for name in {} if plan.scenario.limits is None else plan.scenario.limits.values_by_name:
 
-        def of_limit(outcome: CaseOutcome, name: str = name) -> float:
+        def limit_badness(outcome: CaseOutcome, name: str = name) -> float:
             return float(outcome.margins.get(name, {}).get("value", np.nan))
 
-        found.append(Judge(name, of_limit, 1.0, (limited_response(name),)))
+        found.append(Judge(name, limit_badness, 1.0, (limited_response(name),)))
     for aim in (aim for aim in objectives(plan.scenario) if aim.terms):
 
-        def of_aim(outcome: CaseOutcome, of: Callable[..., Floats | None] = aim.of, sign: float = aim.sign) -> float:
+        def objective_badness(
+            outcome: CaseOutcome, of: Callable[..., Floats | None] = aim.of, sign: float = aim.sign
+        ) -> float:
             numbers = {name: np.array([x]) for name, x in outcome.values.items() if isinstance(x, float | int)}
             value = of(numbers)
             return np.nan if value is None else sign * float(value[0])
 
         limited = {judge.name: judge.sign for judge in found}
-        if limited.get(aim.name) != aim.sign:  # else the limit judges alike
+        if limited.get(aim.name) != aim.sign:  # otherwise the limit judges in the same way
             name = OBJECTIVE if aim.name in limited else aim.name
-            found.append(Judge(name, of_aim, aim.sign, tuple(name for name, _ in aim.terms)))
+            found.append(Judge(name, objective_badness, aim.sign, tuple(name for name, _ in aim.terms)))
     return found
 
 
 class WorstSearch:
-    """Searches for the worst of the best cases of a study, as far as its budget goes.
+    """Search for the worst realisations of the best cases of a study, within a budget.
 
     Parameters
     ----------
-    plan : of the study.
-    evaluate : solves the realisations.
-    changes_of : by the number of a case and the values of the varied parameters, how its responses change within the
-        tolerances by derivatives; none where there are none.
+    plan : plan of the study.
+    evaluate : evaluator that solves the realisations.
+    changes_of : function from the index of a case and its parameter values to the changes of the responses within the
+    tolerances, from derivatives; empty without derivatives.
     """
 
     def __init__(
         self, plan: StudyPlan, evaluate: Evaluator, changes_of: Callable[[int, tuple[Value, ...]], Changes]
     ) -> None:
         self.plan, self.evaluate, self.changes_of = plan, evaluate, changes_of
-        self.searches: dict[int, bool] = {}  # by case that was searched: whether its search came to its end
-        self.critical: dict[Point, None] = {}  # where searched cases are worst
-        self._explored = set[int]()  # cases whose corners are solved
+        self.searches: dict[int, bool] = {}  # by searched case: True if the search was completed
+        self.critical: dict[Point, None] = {}  # worst points of the searched cases
+        self._explored = set[int]()  # cases with solved corners
         self._cost = 0  # largest number of further cases of a search
 
     @property
     def judges_by_worst(self) -> bool:
-        """Whether cases are judged by their worst, which may be searched."""
+        """True if cases are judged by their worst realisation, which a search can find."""
         realisations = self.plan.study.realisations
-        return realisations.judged_by_worst and realisations.most_further > 0
+        return realisations.judged_by_worst and realisations.most_further_cases > 0
 
     def search_next(self) -> bool:
-        """Search for the worst of what may be the best case, if it is not known yet; whether there was one.
+        """Search for the worst realisation of the most promising case; False if no search is needed.
 
-        A case is first tried where others are worst, and searched only if it still may be the best. As much of the
-        budget as a search took stays for the last one.
+        A case is first tried at the worst points of other cases, and searched only if it may still be the best. The
+        budget of one search is reserved for the last case.
         """
         if not (self.judges_by_worst and self.evaluate.room):
             return False
@@ -125,16 +127,16 @@ class WorstSearch:
         return True
 
     def affords(self, points: Collection[Point] = ()) -> bool:
-        """Whether further realisations of a case leave as much of the budget as a search for its worst takes."""
-        kept = self._cost or round(FOR_A_SEARCH * self.plan.study.realisations.most_further)
+        """True if the budget allows further realisations of a case besides a search for its worst."""
+        kept = self._cost or round(SEARCH_SHARE * self.plan.study.realisations.most_further_cases)
         return self.evaluate.room - len(points) >= kept
 
     def explore(self) -> int | None:
-        """Solve what may be the best case where others are worst and, if it still may be it, in its corners.
+        """Solve the most promising case at the worst points of others and, if it may still be the best, at its corners.
 
         Returns
         -------
-        The number of the case; None where there is none, or no budget.
+        Index of the case; None if there is none, or no budget.
         """
         for _ in range(MOST_TRIED):
             case = self.most_promising(table_of(self.plan, self.evaluate.outcomes))
@@ -151,25 +153,25 @@ class WorstSearch:
         return self.most_promising(table_of(self.plan, self.evaluate.outcomes), list(self._explored))
 
     def realisations_worst_for_others(self, case: int) -> list[CaseOutcome]:
-        """The further realisations of a case, of which those where others are worst are solved now."""
+        """Further realisations of a case, after solving it at the worst points of the other cases."""
         self.evaluate.solve_realisations(case, self._missing(case))
         return [outcome for outcome in self.evaluate.outcomes.values() if outcome.deviations and outcome.within == case]
 
-    def most_promising(self, table: StudyTable, among: Sequence[int] | None = None) -> int | None:
-        """The case that is the best if its worst exceeds that of its sample as it does in searched cases; None without.
+    def most_promising(self, table: StudyTable, cases: Sequence[int] | None = None) -> int | None:
+        """Case that is the best if its worst exceeds its sample as in the searched cases; None without cases.
 
         Parameters
         ----------
-        table : of the known cases.
-        among : numbers of cases; all by default.
+        table : table of the known cases.
+        cases : indices of cases; all by default.
         """
         count = table.count
         tried = np.isin(np.arange(table.shape[0]), list(table.further_realisations))
 
-        def expected(each: Floats, sign: float) -> Floats:
-            """(cases,) worst values, of those that were not tried by the least ratio of the others."""
-            judged = sign * np.max(sign * each, axis=1)
-            sample = sign * np.max(sign * each[:, :count], axis=1)
+        def expected(sampled: Floats, sign: float) -> Floats:
+            """(cases,) expected worst values; for cases that were not tried, by the smallest ratio of the others."""
+            judged = sign * np.max(sign * sampled, axis=1)
+            sample = sign * np.max(sign * sampled[:, :count], axis=1)
             ratios = judged[tried] / sample[tried]
             known = ratios[np.isfinite(ratios)]
             if not known.size:
@@ -180,22 +182,22 @@ class WorstSearch:
         limits = {name: expected(of.value, 1.0) for name, of in table.limits.items()}
         holds = [np.where(tried, True, limits[name] <= of.limit) for name, of in table.limits.items()]
         allowed = np.all([table.candidates, *holds], axis=0)
-        if among is not None:
-            allowed &= np.isin(np.arange(table.shape[0]), among)
+        if cases is not None:
+            allowed &= np.isin(np.arange(table.shape[0]), cases)
         aim, cost = objectives(self.plan.scenario)[0], None
         shares = np.array([limits[name] / of.limit for name, of in table.limits.items()], dtype=float)
         if not aim.terms:
             cost = shares.max(axis=0)
         elif (values := aim.of(table.responses)) is not None:
             cost = aim.sign * expected(values, aim.sign)
-        if not allowed.any() and among is None and limits:  # none is expected to meet them: that which comes nearest
+        if not allowed.any() and cases is None and limits:  # take the closest one
             allowed, cost = table.candidates, shares.max(axis=0)
         if cost is None or not (allowed & np.isfinite(cost)).any():
             return None
         return int(np.argmin(np.where(allowed & np.isfinite(cost), cost, np.inf)))
 
     def _missing(self, case: int) -> list[Point]:
-        """Points that are worst for other cases and not solved for this one."""
+        """Worst points of other cases that are not solved for this one."""
         solved = {of.deviations for of in self.evaluate.further.values() if of.within == case}
         return [point for point in self.critical if point not in solved]
 
@@ -210,15 +212,15 @@ class WorstSearch:
         return _Points(self.evaluate, case, known)
 
     def _corners(self, case: int) -> list[Point]:
-        """The corners that are solved of a case: all of a few numbers, else those that may be the worst."""
+        """Corners to solve for a case: all for few numbers, else those that may be the worst."""
         paths = [parameter.parameter.path for parameter in self.plan.study.realisations.parameters]
-        if len(paths) <= FEW:
+        if len(paths) <= MOST_WITH_ALL_CORNERS:
             return list(product((-1.0, 1.0), repeat=len(paths)))
         changes, points = self.changes_of(case, self.evaluate.rows[case]), self._points(case)
         return [corner for judge in judges_of(self.plan) for corner in _corners(points, judge, paths, changes)]
 
     def _search(self, case: int) -> None:
-        """Search for the worst of a case, and keep where it is."""
+        """Search for the worst realisation of a case, and store its point."""
         before, points = self.evaluate.room, self._points(case)
         self.searches[case] = False
         corners = [] if case in self._explored else self._corners(case)
@@ -227,7 +229,7 @@ class WorstSearch:
         self._cost = max(self._cost, before - self.evaluate.room)
 
     def _keep(self, case: int, points: _Points) -> None:
-        """Keep where a case is worst, for others."""
+        """Store the worst point of a case, for use in other cases."""
         sampled = set(map(tuple, self.plan.study.realisations.deviations.tolist()))
         worst = [points.worst(judge) for judge in judges_of(self.plan)]
         self.critical |= dict.fromkeys(point for point in worst if point is not None and point not in sampled)
@@ -241,27 +243,27 @@ class _Points:
         self.evaluate, self.case, self.known = evaluate, case, known
 
     def solve(self, points: Iterable[Point]) -> bool:
-        """Solve those of some points that are not known; whether all are: the budget may end before."""
+        """Solve the points that are not known; False if the budget ends before."""
         new = [point for point in dict.fromkeys(points) if point not in self.known]
         room = self.evaluate.room
         self.known |= zip(new, self.evaluate.solve_realisations(self.case, new[:room]), strict=False)
         return len(new) <= room
 
     def badness(self, judge: Judge, point: Point) -> float:
-        """How bad a solved point is; what is not known is not worse than anything."""
+        """Badness of a solved point; unknown values are never the worst."""
         return float(np.nan_to_num(judge.badness(self.known[point]), nan=-np.inf))
 
-    def worst(self, judge: Judge, apart_from: Point | None = None) -> Point | None:
-        """The worst of the points that are solved, or of those that lie apart from one; None without any."""
+    def worst(self, judge: Judge, away_from: Point | None = None) -> Point | None:
+        """Worst solved point, or worst of those far enough from ``away_from``; None without points."""
         far = [
             point for point in self.known
-            if apart_from is None or max(abs(a - b) for a, b in zip(point, apart_from, strict=True)) >= APART
+            if away_from is None or max(abs(a - b) for a, b in zip(point, away_from, strict=True)) >= START_DISTANCE
         ]  # fmt: skip
         return max(far, key=lambda point: self.badness(judge, point), default=None)
 
 
 def _search_from_worst(points: _Points, judges: Sequence[Judge]) -> bool:
-    """Search from the worst of the known points by every judge; whether the budget sufficed."""
+    """Search from the worst known points by every judge; False if the budget did not suffice."""
     ends: dict[str, Point] = {}
     for steps, apart in ((COARSE, False), (COARSE, True), (FINE, False)):
         for judge in judges:
@@ -275,9 +277,9 @@ def _search_from_worst(points: _Points, judges: Sequence[Judge]) -> bool:
 
 
 def _corners(points: _Points, judge: Judge, paths: Sequence[str], changes: Changes) -> Iterator[Point]:
-    """The corners where derivatives, and a linear fit of the sample, say that a case is worst by a judge."""
+    """Corners where derivatives, and a linear fit of the sample, predict the worst value of a judge."""
     for response, by in changes.items():
-        if any(means(asked, response) for asked in judge.asked) and all(path in by for path in paths):
+        if any(matches_request(asked, response) for asked in judge.responses) and all(path in by for path in paths):
             yield tuple(1.0 if judge.sign * by[path][1] >= judge.sign * by[path][0] else -1.0 for path in paths)
     sample = np.array(list(points.known))
     bad = np.array([points.badness(judge, point) for point in points.known])
@@ -289,15 +291,15 @@ def _corners(points: _Points, judge: Judge, paths: Sequence[str], changes: Chang
 
 
 def _climb(points: _Points, judge: Judge, start: Point, steps: Iterable[float]) -> Point | None:
-    """The end of a compass search for what is worst by a judge; None where the budget ended it.
+    """End of a compass search for the worst value of a judge; None if the budget ended it.
 
-    A step goes in one number, or in all in which one makes it worse.
+    A step changes one number, or all numbers that individually make it worse.
     """
     at = start
     for step in steps:
         while True:
             before, all_steps = points.badness(judge, at), list(at)
-            neighbours = dict[Point, int]()  # by point the number that differs
+            neighbours = dict[Point, int]()  # by point the index of the changed number
             for i, x in enumerate(at):
                 ends = dict.fromkeys((max(-1.0, x - step), min(1.0, x + step)))
                 neighbours |= {(*at[:i], end, *at[i + 1 :]): i for end in ends if end != x}
@@ -309,7 +311,7 @@ def _climb(points: _Points, judge: Judge, start: Point, steps: Iterable[float]) 
             if not points.solve([tuple(all_steps)]):
                 return None
             next_one = max([*neighbours, tuple(all_steps)], key=lambda point: points.badness(judge, point))
-            if not points.badness(judge, next_one) > before + BETTER * abs(before):
+            if not points.badness(judge, next_one) > before + LEAST_CHANGE * abs(before):
                 break
             at = next_one
     return at

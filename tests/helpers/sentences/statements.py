@@ -53,8 +53,8 @@ def _remedy(facts, found):
 
 @rule(
     "statement",
-    r"The (?:best design: the )?motion is so sensitive that after <N> s it is one of many: (.*) depend on"
-    r" the motion after that(?:; .*)?|.*contact sequence after <N> s(?:, round-off after <N> s)?",
+    r"The (?:best design: the )?motion is so sensitive that from <N> s on it is one of many possible ones: (.*) depend"
+    r" on what follows(?:; .*)?|(?:A|Round-off).*changes the contacts.*|.*after <N> s(?:, round-off after <N> s)?",
 )
 def _sensitive(facts, found):
     times = [x for x in (facts.summary.get("convergence_model") or {}).values() if isinstance(x, float)]
