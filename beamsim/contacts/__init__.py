@@ -1,5 +1,5 @@
-"""Contact laws, their statics (equilibrium, preload) and how they change with a parameter.
+"""Contact laws, their static equilibrium with preloads, and their dependence on parameters.
 
-Never here: which kind of structure a contact sits on.
-Begin with `laws`, then `contacts`, which holds those of a system; `snubbers` and `springs` make them.
+Never here: the kind of structure at a contact.
+Begin with `laws`, then `contacts`, the contacts of a system; `snubbers` and `springs` create them.
 """

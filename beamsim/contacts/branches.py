@@ -1,4 +1,5 @@
-"""Maxwell branches of a pad, fitted to dynamic tests, relaxation curves and loops; forces of a pad that is driven."""
+"""Fit of Maxwell branches to pad tests (dynamic, relaxation, loops), and the force of a pad under a given
+deflection."""
 
 from __future__ import annotations
 
@@ -11,23 +12,23 @@ from beamsim.contacts.pads import ForceCurve, MaxwellBranch, fitted_numbers, hin
 from beamsim.outcomes import COMPLETE, MOST_LISTED, Outcome, OutcomeKind, first_of
 from beamsim.typing import Complexes, Floats, Ints
 
-NEGLIGIBLE_STIFFNESS = 1e-6  # of the branches, below which a spring has ended at zero
-TIME_RANGE_FACTOR = 10.0  # beyond the measured range, over which times are sought
+NEGLIGIBLE_STIFFNESS = 1e-6  # relative stiffness of the branches, below which a fitted spring counts as zero
+TIME_RANGE_FACTOR = 10.0  # factor beyond the measured range in which relaxation times are searched
 
 
 @dataclass(frozen=True)
 class BranchFit:
-    """Springs and branches in parallel with them, in the order of their times."""
+    """Fitted springs, and Maxwell branches parallel to them, in the order of their times."""
 
     springs: Floats  # N/m: one, or the slopes of a curve
     branches: tuple[MaxwellBranch, ...]
     misfit: float  # root mean square of the relative errors
-    least_misfit: float  # the same with as many branches as there could be
-    undetermined_times: tuple[float, ...]  # s, times that are not determined: at the limit of what was measured
+    least_misfit: float  # misfit with as many branches as possible
+    undetermined_times: tuple[float, ...]  # s, relaxation times that the measurements do not determine
 
     @property
     def outcome(self) -> Outcome:
-        """Not reliable where the fit ended at its bounds: times beyond the measurements, or no stiffness at rest."""
+        """Outcome of the fit; not reliable if it ended at its bounds: undetermined times, or zero stiffness at rest."""
         ended = []
         if self.undetermined_times:
             times = first_of([f"{time:.3g} s" for time in self.undetermined_times], MOST_LISTED)
@@ -43,7 +44,7 @@ class BranchFit:
 
     @property
     def stiffness(self) -> float:
-        """That of one spring, or of the first segment, N/m."""
+        """Stiffness of the spring, or of the first segment, N/m."""
         return float(self.springs[0])
 
 
@@ -52,8 +53,8 @@ def dynamic_stiffness(stiffness: float, branches: tuple[MaxwellBranch, ...], ome
 
     Parameters
     ----------
-    stiffness : of the spring, N/m.
-    branches : in parallel with it.
+    stiffness : stiffness of the spring, N/m.
+    branches : Maxwell branches parallel to it.
     omega : (w,) angular frequencies, rad/s.
 
     Returns
@@ -66,14 +67,14 @@ def dynamic_stiffness(stiffness: float, branches: tuple[MaxwellBranch, ...], ome
 
 
 def relaxation(stiffness: float, branches: tuple[MaxwellBranch, ...], time: Floats, ramp: float = 0.0) -> Floats:
-    """Force of a spring with Maxwell branches in parallel with it, under a unit deflection that is held.
+    """Force of a spring with parallel Maxwell branches under a constant unit deflection.
 
     Parameters
     ----------
-    stiffness : of the spring, N/m.
-    branches : in parallel with it.
-    time : (t,) since the deflection began, s.
-    ramp : time over which the deflection rises evenly, s; 0 where it is sudden.
+    stiffness : stiffness of the spring, N/m.
+    branches : Maxwell branches parallel to it.
+    time : (t,) time since the start of the deflection, s.
+    ramp : time over which the deflection rises linearly, s; 0 for a sudden deflection.
 
     Returns
     -------
@@ -85,15 +86,15 @@ def relaxation(stiffness: float, branches: tuple[MaxwellBranch, ...], time: Floa
 
 
 def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: int | None = None) -> BranchFit:
-    """Maxwell branches from a dynamic test.
+    """Fit Maxwell branches to a dynamic test.
 
     Errors are relative to the size of the complex stiffness.
 
     Parameters
     ----------
     omega : (w,) angular frequencies, rad/s.
-    storage, loss_factor : (w,) storage stiffness, N/m, and loss factor there.
-    branches : how many; by default as few as fit nearly as well as any number.
+    storage, loss_factor : (w,) measured storage stiffness, N/m, and loss factor.
+    branches : number of branches; by default the smallest number that fits nearly as well as any larger one.
 
     Returns
     -------
@@ -111,15 +112,15 @@ def fit_dynamic(omega: Floats, storage: Floats, loss_factor: Floats, branches: i
 
 
 def fit_relaxation(time: Floats, stiffness: Floats, branches: int | None = None, ramp: float = 0.0) -> BranchFit:
-    """Maxwell branches from a relaxation test.
+    """Fit Maxwell branches to a relaxation test.
 
-    The deflection is applied suddenly or evenly; forces measured while it rises count as well.
+    The deflection is applied suddenly or linearly; forces measured during the rise are used too.
 
     Parameters
     ----------
-    time : (t,) since the deflection began, s.
-    stiffness : (t,) force over the deflection that is held, N/m.
-    branches : how many; by default as few as fit nearly as well as any number.
+    time : (t,) time since the start of the deflection, s.
+    stiffness : (t,) force over the final deflection, N/m.
+    branches : number of branches; by default the smallest number that fits nearly as well as any larger one.
     ramp : time over which the deflection rises, s.
 
     Returns
@@ -135,21 +136,20 @@ def fit_relaxation(time: Floats, stiffness: Floats, branches: int | None = None,
 
 
 def fit_loop(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> BranchFit:
-    """Slopes of a curve and Maxwell branches from a record of loading and unloading, relaxed at its beginning.
+    """Fit slopes of a curve and Maxwell branches to a record of loading and unloading that starts relaxed.
 
-    A loop tells the branches about as far as its tenth harmonic: shorter times would make the pad as stiff as one likes
-    in an impact. Errors are relative to the largest force; those without a force, where the face may be left, do not
-    count.
+    A loop determines branches up to about its tenth harmonic; shorter times could make the pad arbitrarily stiff in an
+    impact. Errors are relative to the largest force. Samples without force, where contact may be lost, are ignored.
 
     Parameters
     ----------
     time, deflection, force : (t,) the record, s, m and N; times increase.
-    knots : (s,) of the curve, m, the first zero.
+    knots : (s,) deflections at the segment ends, m, the first zero.
 
     Returns
     -------
     BranchFit
-        With a spring for each segment.
+        With one spring for each segment.
     """
     top, pressed = float(np.abs(force).max()), np.maximum(deflection, 0.0)
     springs, held = hinges(pressed, knots), force > 0.01 * top
@@ -162,7 +162,7 @@ def fit_loop(time: Floats, deflection: Floats, force: Floats, knots: Floats) -> 
 
 
 def turning_points(deflection: Floats) -> Ints:
-    """Where a record of loops turns, farthest from half its largest deflection: noise at the half turns nothing."""
+    """Indices at which a record of loops changes direction; noise around half the largest deflection is ignored."""
     offset = deflection / float(deflection.max()) - 0.5
     far = np.flatnonzero(np.abs(offset) > 0.1)
     passed = np.split(far, 1 + np.flatnonzero(np.diff(offset[far] > 0.0)))
@@ -170,17 +170,17 @@ def turning_points(deflection: Floats) -> Ints:
 
 
 def loop_frequency(time: Floats, deflection: Floats) -> float:
-    """Loops in a record over its duration, Hz."""
+    """Number of loops in a record over its duration, Hz."""
     return max(turning_points(deflection).size // 2, 1) / float(time[-1] - time[0])
 
 
 def driven_force(curve: ForceCurve, branches: tuple[MaxwellBranch, ...], time: Floats, deflection: Floats) -> Floats:
-    """Force of a pad that never pulls under a given deflection, relaxed at its beginning; see `beamsim.contacts.pads`.
+    """Force of a no-tension pad under a prescribed deflection, initially relaxed; see `beamsim.contacts.pads`.
 
     Parameters
     ----------
-    curve, branches : of the pad.
-    time, deflection : (t,) increasing, s; straight between samples, m.
+    curve, branches : properties of the pad.
+    time, deflection : (t,) s, increasing, and m; linear between samples.
 
     Returns
     -------
@@ -188,9 +188,9 @@ def driven_force(curve: ForceCurve, branches: tuple[MaxwellBranch, ...], time: F
         N.
     """
     k, tau = np.array([b.stiffness for b in branches]), np.array([b.relaxation_time for b in branches])
-    far = 1e3 * curve.deflection[-1]  # beyond any face
+    far = 1e3 * curve.deflection[-1]  # larger than any deflection of the face
     knots = np.append(curve.deflection, far)
-    upwards = curve.at(knots) + k.sum() * knots  # force of the pad without what has relaxed
+    upwards = curve.at(knots) + k.sum() * knots  # force of the pad, except for what has relaxed
     face = max(float(deflection[0]), 0.0)
     force, p = np.zeros(time.size), np.full(k.size, face)
     for i, h in enumerate(np.diff(time), start=1):
@@ -211,12 +211,12 @@ def _dynamic(omega: Floats, times: Floats) -> Complexes:
 def _relaxing(time: Floats, times: Floats, ramp: float) -> Floats:
     if ramp == 0.0:
         return np.column_stack([np.ones(time.size), np.exp(-time[:, None] / times)])
-    loaded = np.minimum(time, ramp)[:, None]  # how long the deflection has risen
+    loaded = np.minimum(time, ramp)[:, None]  # time during which the deflection rose
     held = np.exp(-(time[:, None] - loaded) / times)
     return np.hstack([loaded / ramp, -times / ramp * np.expm1(-loaded / times) * held])
 
 
-DENSE_FIT_TIMES = 60  # of the fit that is as good as any number of branches can be
+DENSE_FIT_TIMES = 60  # relaxation times in the reference fit with the smallest possible misfit
 
 
 def _fit(
@@ -231,7 +231,7 @@ def _fit(
     found: tuple[Floats, Floats, float] | None = None
     for count in range(0 if branch_count is None else branch_count, most + 1):
         found = _of_count(matrix, target, count, grid, dense[springs:])
-        # so near the best misfit further branches are not worth it
+        # so close to the best misfit more branches are not worthwhile
         if np.sqrt(found[2] / point_count) <= max(1.2 * best, best + 3e-3):
             break
     assert found is not None
@@ -251,7 +251,7 @@ def _fit(
 def _of_count(
     matrix: Callable[[Floats], Floats], target: Floats, count: int, grid: Floats, spectrum: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Times, stiffnesses and squared misfit of the best fit with so many branches."""
+    """Times, stiffnesses and squared misfit of the best fit with a given number of branches."""
     from scipy.optimize import least_squares
 
     if count == 0:
@@ -264,7 +264,7 @@ def _of_count(
     low, high = grid[0], grid[-1]
     shares = (np.arange(count) + 0.5) / count
     starts = [low + (high - low) * shares]
-    if spectrum.sum() > 0.0:  # where the stiffness of the dense fit lies
+    if spectrum.sum() > 0.0:  # start at times where the dense fit has its stiffness
         summed = np.cumsum(spectrum + 1e-6 * spectrum.sum())
         starts.append(np.interp(shares * summed[-1], summed, grid))
     fits = [least_squares(residual, start, bounds=(low - 1e-9, high + 1e-9)) for start in starts]

@@ -1,4 +1,4 @@
-"""The contacts of a system: where they act, and their laws."""
+"""The contacts of a system: places, gaps and laws."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 @dataclass(eq=False)
 class Contacts:
-    """m contacts with penetration ``delta = -gap - sign * (shape @ q + base_influence d)``.
+    """The m contacts of a system, with penetration ``delta = -gap - sign * (shape @ q + base_influence d)``.
 
-    The push on the structure along ``shape`` is ``sign * force``, the force being that of the law's phase.
+    The force on the structure along ``shape`` is ``sign * force``, with the force from the current phase of the law.
 
     Raises
     ------
     MethodError
-        Where a contact with a dashpot presses friction with a tangential spring.
+        If a contact with a dashpot is the normal contact of friction with a tangential spring.
     """
 
-    shape: Floats  # (m, n) deflection at the contact for a unit of each coordinate
+    shape: Floats  # (m, n) deflection at each contact for a unit of each coordinate
     sign: Floats  # (m,) +1 below the structure (resists negative deflection), -1 above
     gap: Floats  # (m,) m; clearance positive, prestress negative
     on_ground: Bools  # (m,) whether it depends on the absolute deflection
@@ -42,26 +42,30 @@ class Contacts:
     base_participation: Floats | None = (
         None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
     )
-    pressed_by: Ints | None = None  # (m,) contact whose force presses each, -1 where there is none; None: nowhere
+    pressed_by: Ints | None = (
+        None  # (m,) normal contact of each friction contact, -1 for others; None: no such contacts
+    )
 
-    # what follows from these
+    # derived fields
     count: int = field(init=False)  # m
     base_participations: Floats = field(init=False)  # (m,) as ``base_participation``
     base_influence: Floats = field(
         init=False
-    )  # (m,) as ``base_participations`` of what is on the ground; 0 of what is on the base
-    normal_contact: Ints = field(init=False)  # (m,) as ``pressed_by``
-    pressed_contacts: Ints = field(init=False)  # contacts that the force of another one presses
-    pressing_contacts: Ints = field(init=False)  # of each of them the contact that presses it
-    internal_states: int = field(init=False)  # r, of all contacts; they follow (q, q') in the state, by contact
+    )  # (m,) ``base_participations`` of contacts on the ground; 0 for those on the base
+    normal_contact: Ints = field(init=False)  # (m,) as ``pressed_by``, -1 everywhere if that is None
+    pressed_contacts: Ints = field(init=False)  # friction contacts with a normal contact
+    pressing_contacts: Ints = field(init=False)  # normal contact of each of them
+    internal_states: int = field(
+        init=False
+    )  # r, number of internal states of all contacts; they follow (q, q') in the state, by contact
     state_counts: Ints = field(init=False)  # (m,) number of internal states of each contact
-    first_state: Ints = field(init=False)  # (m,) index of each contact's first one among all
+    first_state: Ints = field(init=False)  # (m,) index of the first internal state of each contact
     state_owner: Ints = field(init=False)  # (r,) contact of each internal state
     state_column: Ints = field(init=False)  # (r,) column of each internal state in the rows of its contact's law
     may_stick_rigidly: Bools = field(init=False)  # (m,) whether a phase of each contact sticks rigidly
     any_sticks_rigidly: bool = field(init=False)  # whether any phase of any contact sticks rigidly
-    start: Ints = field(init=False)  # (m,) phases from which the search for those of a given motion starts
-    jointly_acting: bool = field(init=False)  # whether reactions or forces that press others act among them
+    start: Ints = field(init=False)  # (m,) phases in which the search for the phases of a given motion starts
+    jointly_acting: bool = field(init=False)  # whether contacts stick rigidly or have a normal contact
 
     def __post_init__(self) -> None:
         self.count = m = len(self.laws)
@@ -85,7 +89,7 @@ class Contacts:
             self._check_pressing()
 
     def _check_pressing(self) -> None:
-        """Refuse a slider that would have to follow a force whose rate depends on accelerations."""
+        """Refuse friction whose limit would depend on the rate of a force that depends on accelerations."""
         for j, i in zip(self.pressed_contacts.tolist(), self.pressing_contacts.tolist(), strict=True):
             follows_rate = any(guard.row.normal_force_rate for phase in self.laws[j].phases for guard in phase.guards)
             if follows_rate and self.laws[i].arrays.force[:, 1].any():
@@ -98,7 +102,7 @@ class Contacts:
 
     @cached_property
     def arrays(self) -> LawArrays:
-        """The laws' arrays side by side, (m, ...), filled up with zeros."""
+        """The arrays of all laws, stacked (m, ...) and padded with zeros."""
         sizes = [law.arrays.guard.shape for law in self.laws] or [(1, 1, INTERNAL)]
         phases, guards, columns = map(max, zip(*sizes, strict=True))
         out = LawArrays.zeros((self.count, phases), guards, columns - INTERNAL)
@@ -110,17 +114,17 @@ class Contacts:
 
     @cached_property
     def sliders(self) -> Ints:
-        """Numbers of the internal states that rest but where a contact slides or yields."""
+        """Indices of internal states that change only during sliding or yielding."""
         return np.flatnonzero(np.array([law.slides_or_yields for law in self.laws], dtype=bool)[self.state_owner])
 
     @cached_property
     def stiffness(self) -> Floats:
-        """(m,) N/m, of laws made of one stiffness and one dashpot; ValueError if there are others."""
+        """(m,) stiffness, N/m; ValueError if a law is more than a stiffness and a dashpot."""
         return self._numbers("stiffness")
 
     @cached_property
     def dashpot(self) -> Floats:
-        """(m,) N s/m, likewise."""
+        """(m,) dashpot, N s/m; ValueError if a law is more than a stiffness and a dashpot."""
         return self._numbers("dashpot")
 
     def _numbers(self, name: str) -> Floats:
@@ -130,7 +134,7 @@ class Contacts:
 
     @property
     def quasi_static(self) -> tuple[Floats, Floats]:
-        """(m,) stiffness, N/m, and dashpot, N s/m, for slow motion in contact; nan for a law that gives none."""
+        """(m,) stiffness, N/m, and dashpot, N s/m, for slow motion in contact; nan if a law has no such value."""
         return np.array([law.stiffness for law in self.laws]), np.array([law.dashpot for law in self.laws])
 
     @cached_property
@@ -141,22 +145,22 @@ class Contacts:
 
     @property
     def one_sided(self) -> bool:
-        """Whether every law is a sum of one-sided springs: no internal states, and no phase that ends at zero force."""
+        """Whether all laws are sums of one-sided springs, without internal states or phases that end at zero force."""
         return all(law.one_sided_springs is not None for law in self.laws)
 
     def one_sided_springs(self) -> Contacts:
-        """The same forces by one-sided springs alone; each contact is replaced by its parts.
+        """The same contacts, each replaced by one-sided springs with the same total force.
 
-        Raises ValueError if a law is not such a sum (see `one_sided`).
+        Raises ValueError if a law is not a sum of one-sided springs (see `one_sided`).
         """
         if not self.one_sided:
             raise ValueError("a contact law with internal states is not a sum of one-sided springs")
         return self.split()
 
     def split(self) -> Contacts:
-        """One contact for each part of a law that is a sum of one-sided springs.
+        """Replace each law that is a sum of one-sided springs by one contact for each spring.
 
-        Other laws are unchanged, and those of contacts that press others.
+        Other laws, and contacts that are normal contacts of friction, are unchanged.
         """
         if all(law.rebuild is not None for law in self.laws):
             return self
@@ -175,7 +179,7 @@ class Contacts:
 
     @cached_property
     def _parts(self) -> list[tuple[OneSidedSpring | None, ...]]:
-        """Of each contact its one-sided springs; None where it stays as it is."""
+        """The one-sided springs of each contact; None for a contact that is not split."""
         whole = set(self.pressing_contacts.tolist())
         return [
             (None,) if law.rebuild is not None or law.one_sided_springs is None or j in whole else law.one_sided_springs
@@ -184,18 +188,18 @@ class Contacts:
 
     @property
     def owners_of_springs(self) -> tuple[Ints, Floats]:
-        """Of each contact of `split` which one it is a part of, and the direction of its force in that one's."""
+        """For each contact of `split` the original contact, and the sign of its force in it."""
         owner = np.repeat(np.arange(self.count), [len(parts) for parts in self._parts])
         directions = [1.0 if part is None else part.direction for parts in self._parts for part in parts]
         return owner, np.array(directions)
 
     @property
     def clearances(self) -> Floats:
-        """Gaps of all one-sided springs, m: one per breakpoint of a piecewise-linear law."""
+        """Gaps of all one-sided springs, m: one for each breakpoint of a piecewise-linear law."""
         return self.split().gap
 
     def first_with_others(self, others: Contacts) -> Contacts:
-        """These contacts followed by the others."""
+        """These contacts followed by others."""
         theirs = np.where(others.normal_contact < 0, -1, others.normal_contact + self.count)
         return Contacts(
             np.concatenate([self.shape, others.shape]), np.concatenate([self.sign, others.sign]),
@@ -205,12 +209,12 @@ class Contacts:
         )  # fmt: skip
 
     def with_numbers(self, contact: int, stiffness: float, dashpot: float) -> Contacts:
-        """The contacts with other numbers of one contact.
+        """A copy with another stiffness and dashpot for one contact.
 
         Parameters
         ----------
-        contact : its number.
-        stiffness, dashpot : of its law, N/m and N s/m.
+        contact : index of the contact.
+        stiffness, dashpot : new values, N/m and N s/m.
 
         Returns
         -------
@@ -220,7 +224,7 @@ class Contacts:
         Raises
         ------
         ValueError
-            If the law is not made of these two.
+            If the law is more than a stiffness and a dashpot.
         """
         family = self.laws[contact].rebuild
         if family is None:
@@ -228,20 +232,20 @@ class Contacts:
         return replace(self, laws=(*self.laws[:contact], family(stiffness, dashpot), *self.laws[contact + 1 :]))
 
     def undamped(self) -> Contacts:
-        """Without dashpots; ValueError where a law has no such form."""
+        """A copy without dashpots; ValueError if a law has no such form."""
         laws = tuple(each for law in self.laws if (each := law.undamped()) is not None)
         if len(laws) < self.count:
             raise ValueError("a contact law has no undamped form")
         return replace(self, laws=laws)
 
     def scaled(self, factor: float) -> Contacts:
-        """All forces multiplied by a positive factor."""
+        """A copy with all forces multiplied by a positive factor."""
         return replace(self, laws=tuple(law.scaled(factor) for law in self.laws))
 
     # -- phases --------------------------------------------------------------------------------------------------
 
     def pressing_extensions(self, phases: Ints) -> Floats:
-        """Extension of the spring of each of `pressed` for a unit pressing force, m/N, in phases (..., m)."""
+        """(..., p) spring extension of each friction contact with a normal contact, for a unit normal force, m/N."""
         place = self.pressed_contacts, phases[..., self.pressed_contacts]
         strained, factor = (
             self.arrays.energy[(*place, NORMAL_FORCE, NORMAL_FORCE)],
@@ -250,25 +254,25 @@ class Contacts:
         return np.asarray(np.divide(strained, factor, out=np.zeros_like(factor), where=factor != 0.0))
 
     def presses(self, phases: Ints) -> bool:
-        """Whether a force of one contact depends on that of another in these phases."""
+        """Whether the force of one contact depends on that of another in these phases."""
         return bool(
             self.arrays.dissipative_force[self.pressed_contacts, phases[self.pressed_contacts], NORMAL_FORCE].any()
         )
 
     def closed(self, phases: Ints) -> Bools:
-        """Whether each contact touches; ``phases`` is (..., m)."""
+        """(..., m) whether each contact is closed, for phases (..., m)."""
         return np.asarray(self.arrays.closed[np.arange(self.count), phases])
 
     def touch_changes(self, contact: Ints, before: Ints, after: Ints) -> Ints:
-        """What each event changes.
+        """Whether each event closes or opens its contact.
 
         Parameters
         ----------
-        contact, before, after : (E,) of the events: contact, and its phases before and after.
+        contact, before, after : (E,) contact of each event, and its phases before and after.
 
         Returns
         -------
-        (E,) 1 where contact is made, -1 where it ends, 0 between phases of one kind.
+        (E,) 1 if the contact closes, -1 if it opens, 0 otherwise.
         """
         touching = self.arrays.closed.astype(np.int64)
         return np.asarray(touching[contact, after] - touching[contact, before])
@@ -278,9 +282,9 @@ class Contacts:
 
         Parameters
         ----------
-        phases : (m,) before it.
-        contact : that changes its phase; where it touches or lets go, those that it presses change theirs.
-        new_phase : the contact's new phase.
+        phases : (m,) phases before the event.
+        contact : contact that changes its phase; friction contacts of which it is the normal contact may change too.
+        new_phase : the new phase of the contact.
 
         Returns
         -------
@@ -298,7 +302,7 @@ class Contacts:
         return phases
 
     def pressed_at_start(self, phases: Ints, start: Ints) -> Ints:
-        """The phases from which the search starts, with ``start`` (m,) of the contacts that a touching one presses."""
+        """(m,) phases in which the search starts, from ``start`` (m,) for friction under closed normal contacts."""
         phases, touches = phases.copy(), self.closed(phases)
         for j, i in zip(self.pressed_contacts.tolist(), self.pressing_contacts.tolist(), strict=True):
             released = self.laws[j].phases[start[j]].phase_when_normal_contact_changes
@@ -306,23 +310,23 @@ class Contacts:
         return phases
 
     def guard(self, contact: int, before: int, after: int) -> Floats:
-        """(C,) the function, by `LawRow.array`, that is positive until a contact changes from one phase to another."""
+        """(C,) guard function of a phase change, as factors in the order of `LawRow.array`."""
         a = self.arrays
         following = a.next[contact, before, : a.guards[contact, before]]
         return np.asarray(a.guard[contact, before, int(np.flatnonzero(following == after)[0])])
 
     def border(self, contact: int, before: int, after: int) -> tuple[float, bool]:
-        """Where a contact changes from one phase to another.
+        """Penetration at which a contact changes from one phase to another.
 
         Parameters
         ----------
-        contact : its number.
+        contact : index of the contact.
         before, after : the two phases.
 
         Returns
         -------
-        Penetration there, m, and whether it is larger afterwards. If the border does not depend on the penetration
-        alone: zero, and whether the contact touches afterwards.
+        Penetration there, m, and whether it is larger afterwards. If the phase change does not depend on the
+        penetration alone: zero, and whether the contact is closed afterwards.
         """
         row, a = self.guard(contact, before, after), self.arrays
         if row[1] != 0.0 or row[3:].any() or row[0] == 0.0:
@@ -330,7 +334,7 @@ class Contacts:
         return float(-row[2] / row[0]) + 0.0, bool(row[0] < 0.0)
 
     def forces(self, phases: Ints, penetration: Floats, rate: Floats, internal: Floats) -> Floats:
-        """Forces of all contacts, without what others press.
+        """Forces of all contacts, without the contribution of normal forces.
 
         Parameters
         ----------
@@ -374,16 +378,16 @@ class Contacts:
         return energy
 
     def sticks_rigidly(self, phases: Ints) -> Bools:
-        """(m,) whether the force of each contact is what keeps its penetration."""
+        """(m,) whether each contact sticks rigidly."""
         return np.asarray(self.arrays.sticks_rigidly[np.arange(self.count), phases])
 
     def sliding_directions(self, phases: Ints) -> Floats:
-        """(..., m) +1 or -1, the direction in which each contact slides, 0 where it does not, in phases (..., m)."""
+        """(..., m) direction of sliding in phases (..., m): +1 or -1, 0 for contacts that do not slide."""
         return np.asarray(self.arrays.sliding_direction[np.arange(self.count), phases])
 
     @cached_property
     def lossy(self) -> Ints:
-        """Contacts that lose work otherwise than by dashpots and constant friction: that yield, or fall with speed."""
+        """Contacts that dissipate energy by yielding, or by friction that falls with speed."""
         a = self.arrays
         own = (
             (a.dissipative_force[:, :, 0] != 0.0)
@@ -393,9 +397,9 @@ class Contacts:
         return np.flatnonzero(own.any(axis=1))
 
     def starting_phases(self, rate: Floats, smallest_rate: Floats) -> Ints:
-        """(m,) phases from which the search starts at penetration rates, m/s; those below ``smallest_rate`` are none.
+        """(m,) phases in which the search starts; rates, m/s, below ``smallest_rate`` count as zero.
 
-        A face that holds at rest and moves slides against its force.
+        A face that sticks at rest starts to slide against its friction force.
         """
         phases = self.start.copy()
         for j in np.flatnonzero(self.may_stick_rigidly & (np.abs(rate) > smallest_rate)).tolist():
@@ -405,11 +409,11 @@ class Contacts:
         return phases
 
     def event_losses(self, before: Ints, after: Ints) -> Floats:
-        """(n, m) energy lost, J, where the phases change from ``before`` to ``after``, (n, m) each."""
+        """(n, m) energy loss, J, at phase changes from ``before`` to ``after``, each (n, m)."""
         return np.asarray(self.arrays.event_loss[np.arange(self.count), before, after, 0])
 
     def pressing_losses(self, before: Ints, after: Ints) -> Floats:
-        """The same of each of `pressed` for a unit of the pressing force squared, m/N."""
+        """(n, p) energy loss of friction contacts at phase changes, for a unit squared normal force, m/N."""
         return np.asarray(
             self.arrays.event_loss[
                 self.pressed_contacts, before[:, self.pressed_contacts], after[:, self.pressed_contacts], 1
@@ -417,12 +421,12 @@ class Contacts:
         )
 
     def penetrations(self, y: Floats, base: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
-        """(nt, m) m and m/s, penetrations and their rates.
+        """(nt, m) penetrations, m, and their rates, m/s.
 
         Parameters
         ----------
         y : (nt, N) states.
-        base : (nt,) displacement, m, and velocity, m/s, of the base; None where it rests.
+        base : (nt,) displacement, m, and velocity, m/s, of the base; None if it is at rest.
 
         Returns
         -------
@@ -441,7 +445,7 @@ class Contacts:
         return np.array(phases, dtype=np.int64)
 
     def dynamic_stiffness(self, phases: Ints, omega: Floats) -> Complexes:
-        """(w, m) forces per penetration of small motions within phases at frequencies, rad/s."""
+        """(w, m) dynamic stiffness of each contact within its phase at angular frequencies, rad/s."""
         columns = [law.dynamic_stiffness(int(k), omega) for law, k in zip(self.laws, phases, strict=True)]
         return np.array(columns, dtype=complex).reshape(self.count, omega.size).T
 
@@ -451,13 +455,13 @@ class Contacts:
         return np.concatenate([np.zeros(0), *states])
 
     def couples_states(self, phases: Ints) -> bool:
-        """Whether internal states and structure drive each other in these phases."""
+        """Whether internal states and structure are coupled in these phases."""
         return self.internal_states > 0 and bool(self.arrays.coupled[np.arange(self.count), phases].any())
 
     def states_to_rewrite(self, phases: Ints) -> tuple[Ints, Floats]:
-        """The contacts (k,) whose internal state is to be written anew in these phases; (k, 2) how.
+        """Contacts (k,) whose internal state must be reset before a motion is restarted, and (k, 2) the new values.
 
-        It is the penetration less an extension, whose constant, m, and factor of the pressing force, m/N, are given.
+        The new state is the penetration minus an extension: a constant, m, plus a factor of the normal force, m/N.
         """
         given = [(j, law.phases[phases[j]].restart_extension) for j, law in enumerate(self.laws)]
         of = [(j, row.constant, row.normal_force) for j, row in given if row is not None]

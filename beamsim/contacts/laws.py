@@ -1,33 +1,33 @@
 r"""Contact laws as sets of phases.
 
-A law sees the penetration :math:`\delta` and its rate, its internal states p, and, where another contact presses it,
-that one's force N and its rate. A phase is made of springs whose extension is linear in these, of a part of the force
-whose work is lost, and of the rates of p,
+A law depends on the penetration :math:`\delta` and its rate, its internal states p and, for friction with a normal
+contact, the normal force N and its rate. A phase consists of springs whose extension is linear in these, a dissipative
+force, and the rates of p,
 
 .. math:: E = \sum_i \tfrac12 k_i s_i^2 + F_i s_i + E_i, \qquad
           T = \frac{\partial E}{\partial\delta} + c\,\dot\delta + R + r\,\delta + \mu N, \qquad
           \dot p = A\,p + b_\delta\,\delta + b_r\,\dot\delta + b_0 .
 
-The power lost is :math:`(c\,\dot\delta + R + r\,\delta + \mu N)\,\dot\delta + \sum_i l_i \dot p_i^2`. A phase lasts
-while its guards, linear in all of these, stay positive. The guard that reaches zero first names the phase that follows;
-where the law needs it, the internal states start there from affine functions of the same quantities. What is stored
-less afterwards is lost at the event. A law of another kind is another list of phases, nothing else changes:
+The dissipated power is :math:`(c\,\dot\delta + R + r\,\delta + \mu N)\,\dot\delta + \sum_i l_i \dot p_i^2`. A phase
+lasts while its guards, linear in all of these quantities, are positive. The guard that reaches zero first determines
+the next phase; some guards also reset the internal states to affine functions of the same quantities. A decrease of the
+stored energy at an event is dissipated. A new kind of law is a new list of phases; nothing else changes:
 
 * a *table* of forces: one phase a segment, as in :func:`piecewise_linear`, whose spring has a force at zero extension;
 * a *Maxwell branch* of stiffness k and relaxation time tau: a spring of extension delta - p, p' = (delta - p) / tau,
   and l = k tau;
-* a law that *never pulls*: one more guard on each phase that touches, the force itself;
+* a *no-tension law*: an additional guard on each closed phase, the force itself;
 * *friction* with a tangential spring (:mod:`beamsim.contacts.sliders`): delta is the tangential motion; sticking is a
-  phase with a spring (the slider is an internal state that rests), sliding in either direction one with a constant
-  force, whose work is lost;
-* *friction* without one: sticking is a phase that holds, whatever its force has to be, and its guards are those of the
+  phase with a spring (the slider is an internal state at rest), sliding in each direction a phase with a constant,
+  dissipative force;
+* *friction* without a spring: sticking is a phase without motion, whose force is a reaction; its guards depend on this
   force;
-* friction under the *force of another contact*: its guards, what is lost and the extension of its spring are
-  proportional to that force, and the phases say which one follows where the other contact begins or ceases to touch;
-* a *latch*: a phase without guards, which nothing ends;
-* *kinematic hardening* (the same module): the two together, an elastic phase and one for yielding in
-  either direction, whose resets set the slider where yielding ends;
-* *unloading* along another curve (the same module): a slider whose limit follows a table, of three phases a segment.
+* friction with a *normal contact*: its guards, dissipative force and spring extension are proportional to the normal
+  force, and each phase names the phase that follows when the normal contact opens or closes;
+* a *latch*: a phase without guards, which never ends;
+* *kinematic hardening* (same module): an elastic phase, and a phase of yielding in each direction, whose resets set the
+  slider when yielding ends;
+* *unloading* along another curve (same module): a slider whose limit follows a table, with three phases per segment.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ import numpy as np
 
 from beamsim.typing import Bools, Complexes, Floats, Ints
 
-JUST_CLOSED_PENETRATION = 1e-9  # m, penetration at which a contact has just been made
+JUST_CLOSED_PENETRATION = 1e-9  # m, penetration of a contact that has just closed
 PENETRATION, RATE, CONSTANT, NORMAL_FORCE, NORMAL_FORCE_RATE, REACTION, INTERNAL = range(7)  # columns of `LawRow.array`
 
 
 class LawRow(NamedTuple):
-    """A linear function of what a law sees: factors of the quantities."""
+    """A linear function of the quantities that a law depends on, by its factors."""
 
     penetration: float = 0.0
     rate: float = 0.0
     constant: float = 0.0
     internal: tuple[float, ...] = ()  # (r,) of the internal states
-    normal_force: float = 0.0  # of the force of the contact that presses this one
-    normal_force_rate: float = 0.0  # of that force's rate
-    reaction: float = 0.0  # of the contact's own force, in a phase that holds
+    normal_force: float = 0.0  # factor of the normal force of a friction contact
+    normal_force_rate: float = 0.0  # factor of the rate of that force
+    reaction: float = 0.0  # factor of the contact's own reaction, in a phase that sticks rigidly
 
     def array(self, internal_states: int) -> Floats:
         """(6 + r,) factors: penetration, rate, 1; pressing force, its rate, reaction; internal states."""
@@ -65,7 +65,7 @@ class LawRow(NamedTuple):
         return row
 
     def of_scaled_forces(self, factor: float) -> LawRow:
-        """The function that has the same value where all forces are multiplied by a factor."""
+        """The function with the same value after all forces are multiplied by a factor."""
         of_forces = {name: getattr(self, name) for name in ("normal_force", "normal_force_rate", "reaction")}
         return self._replace(**{name: number / factor for name, number in of_forces.items() if number})
 
@@ -81,9 +81,9 @@ class LawSpring(NamedTuple):
 
 @dataclass(frozen=True)
 class Guard:
-    """A function that is positive while its phase lasts, and the phase that follows.
+    """A function that is positive while its phase lasts, with the phase that follows.
 
-    ``reset`` gives the internal states with which the next phase starts; None where they go on as they are.
+    ``reset`` gives the internal states at the start of the next phase; None if they are continuous.
     """
 
     next: int
@@ -97,18 +97,16 @@ class Phase:
 
     name: str
     guards: tuple[Guard, ...]
-    closed: bool  # shown to users as closed; of friction whether it sticks
+    closed: bool  # shown to users as closed; for friction whether it sticks
     springs: tuple[LawSpring, ...] = ()
-    dissipative_force: LawRow = field(
-        default_factory=LawRow
-    )  # the part of the force whose work is lost: c, R, r and mu
-    rates: tuple[LawRow, ...] = ()  # (r,) of the internal states, which rest by default
+    dissipative_force: LawRow = field(default_factory=LawRow)  # the terms c, R, r and mu
+    rates: tuple[LawRow, ...] = ()  # (r,) time derivatives of the internal states; zero by default
     state_dashpots: tuple[float, ...] = ()  # (r,) l, N s/m
-    sticks_rigidly: bool = False  # the force is what keeps the penetration at its value
-    sliding_direction: float = 0.0  # +1 or -1, the direction in which friction slides; 0 where it does not
-    # m; where the internal state does not tell the phase, a motion is started again with the penetration less this
+    sticks_rigidly: bool = False  # the force is the reaction that prevents motion
+    sliding_direction: float = 0.0  # +1 or -1, the direction of sliding; 0 otherwise
+    # m; extension of the spring for a restart in a phase in which the internal state does not determine it
     restart_extension: LawRow | None = None
-    # phase that follows where the contact that presses it begins or ceases to touch
+    # phase that follows when the normal contact opens or closes
     phase_when_normal_contact_changes: int | None = None
 
     @property
@@ -126,16 +124,16 @@ _TYPES = {"closed": bool, "coupled": bool, "sticks_rigidly": bool, "resets": boo
 
 
 class LawArrays(NamedTuple):
-    """A law as arrays of P phases, G guards, r states and the columns of `LawRow.array`; filled up with zeros."""
+    """A law as arrays: P phases, G guards, r states, and the columns of `LawRow.array`; padded with zeros."""
 
     closed: Bools  # (P,)
-    opening: Floats  # (P, C) distance to the face of a stop as it is in a phase, m: that after which contact is made
+    opening: Floats  # (P, C) distance to the face of a stop in its present state, m; the contact closes at zero
     force: Floats  # (P, C) the force's row
-    dissipative_force: Floats  # (P, C) the part whose work is lost
+    dissipative_force: Floats  # (P, C) row of the dissipative force
     energy: Floats  # (P, C, C) Q of the energy z^T Q z / 2, z as for `LawRow.array`
     rates: Floats  # (P, r, C) rows of the rates of the internal states
-    state_dashpots: Floats  # (P, r) power lost with the square of these rates, N s/m
-    coupled: Bools  # (P,) whether internal states and structure move together: one drives the other
+    state_dashpots: Floats  # (P, r) dissipated power per squared rate of the internal states, N s/m
+    coupled: Bools  # (P,) whether internal states and structure are coupled
     sticks_rigidly: Bools  # (P,)
     sliding_direction: Floats  # (P,)
     guards: Ints  # (P,) number of guards
@@ -143,11 +141,11 @@ class LawArrays(NamedTuple):
     next: Ints  # (P, G) phase that follows
     resets: Bools  # (P, G)
     reset: Floats  # (P, G, r, C) rows of the internal states after the event
-    event_loss: Floats  # (P, P, 2) lost where one phase follows another, J, and m/N for the pressing force squared
+    event_loss: Floats  # (P, P, 2) energy loss at a phase change, J, and m/N for the squared normal force
 
     @classmethod
     def zeros(cls, phases: tuple[int, ...], guards: int, states: int) -> LawArrays:
-        """Arrays of zeros for P phases, the last of ``phases``, of any number of laws."""
+        """Zero arrays for P phases (the last entry of ``phases``) of any number of laws."""
         size = {"C": INTERNAL + states, "r": states, "G": guards, "P": phases[-1], "2": 2}
         shapes = {name: (*phases, *(size[axis] for axis in axes)) for name, axes in _AXES.items()}
         return cls(**{name: np.zeros(shape, _TYPES.get(name, float)) for name, shape in shapes.items()})
@@ -155,7 +153,7 @@ class LawArrays(NamedTuple):
 
 @dataclass(frozen=True)
 class OneSidedSpring:
-    """A spring and dashpot that push while ``direction * delta - offset`` is positive."""
+    """A spring and dashpot that act while ``direction * delta - offset`` is positive."""
 
     direction: float  # +1 or -1
     stiffness: float  # N/m; negative where a piecewise-linear force softens
@@ -164,36 +162,35 @@ class OneSidedSpring:
 
 
 class PhaseBoundary(NamedTuple):
-    """Where a small motion about rest leaves a phase."""
+    """Boundary of a phase for small motions around a state of rest."""
 
-    is_force: bool  # at a force, N; else at a penetration, m
+    is_force: bool  # whether it is at a force, N; else at a penetration, m
     value_at_rest: float  # force or penetration at rest
-    direction: float  # +1 or -1, to which it lies
+    direction: float  # +1 or -1, the side on which it lies
     distance: float  # from rest, not negative
 
 
 @dataclass
 class ContactLaw:
-    """Phases, and what follows from them.
+    """A contact law: its phases, and properties derived from them.
 
     Parameters
     ----------
-    phases : all of them; guards name them by their place here.
-    internal_states : r, the same in every phase.
-    start : phase from which the one that belongs to a given motion is looked for.
-    one_sided_springs : one-sided springs whose forces add up to the law's; None where there are none (internal states,
-        phases that end by the force).
-    stiffness, dashpot : those of slow motions in contact, from which natural frequencies follow.
-    static : one-sided springs that push as the law does after a long rest; by default `one_sided_springs`, or else one
-        spring of the stiffness.
-    relaxed_states : the internal states after a long rest at a penetration, m, where it has some.
-    resting_force : force that does not fade in a long rest and that no static spring gives, N: that of a face that
-        sticks.
-    undamped_law : the law without its dashpots, where it is another one; None where there is none.
-    as_installed : the law with the `static` and `relaxed_states` of the beginning of a motion, where it has not had a
-        long rest.
-    rebuild : makes a law of this kind from other numbers, where it is made of these two; then paths and derivatives may
-        change them.
+    phases : the phases; guards refer to them by index.
+    internal_states : number r of internal states, the same in every phase.
+    start : phase in which the search for the phase of a given motion starts.
+    one_sided_springs : one-sided springs with the same total force; None if there are none (internal states, phases
+        that end at a force).
+    stiffness, dashpot : values for slow motion in contact, used for natural frequencies.
+    static : one-sided springs with the same force after a long rest; by default `one_sided_springs`, or one spring with
+        the stiffness.
+    relaxed_states : function that gives the internal states after a long rest at a penetration, m.
+    resting_force : force that remains after a long rest in addition to the static springs, N: that of a sticking face.
+    undamped_law : the law without dashpots, if it differs; None if there is none.
+    as_installed : the law with the `static` and `relaxed_states` of a motion that starts before the branches have
+        relaxed.
+    rebuild : function that makes a law of this kind from a stiffness and a dashpot; continuations and derivatives need
+        it.
     """
 
     phases: tuple[Phase, ...]
@@ -209,15 +206,17 @@ class ContactLaw:
     as_installed: ContactLaw | None = None
     rebuild: Callable[[float, float], ContactLaw] | None = None
 
-    # what follows from these
-    static_springs: tuple[OneSidedSpring, ...] = field(init=False)  # that push as it does after a long rest
+    # derived fields
+    static_springs: tuple[OneSidedSpring, ...] = field(
+        init=False
+    )  # one-sided springs with the same force after a long rest
     needs_normal_contact: bool = field(
         init=False
     )  # whether its force depends on that of another contact, which presses it
-    slides_or_yields: bool = field(init=False)  # whether it loses work in a phase of its own, as dry friction does
-    yields: bool = field(init=False)  # whether it is a stop that stays crushed: open, its face is where its slider is
-    latches: bool = field(init=False)  # whether it has a phase that nothing ends
-    linear_in_contact: bool = field(init=False)  # whether it is a stiffness and a dashpot while it touches, alone
+    slides_or_yields: bool = field(init=False)  # whether it dissipates energy by sliding or yielding
+    yields: bool = field(init=False)  # whether it is a stop that stays crushed: its open face is at its slider
+    latches: bool = field(init=False)  # whether it has a phase that never ends
+    linear_in_contact: bool = field(init=False)  # whether it is just a stiffness and a dashpot while closed
 
     def __post_init__(self) -> None:
         for phase in self.phases:
@@ -240,7 +239,7 @@ class ContactLaw:
         self.linear_in_contact = self.rebuild is not None or self.latches
 
     def static_force(self, penetration: Floats) -> Floats:
-        """Forces after a long rest at penetrations, N, of any shape."""
+        """Forces after a long rest at penetrations of any shape, N."""
         delta = np.asarray(penetration, dtype=float)
         force = np.zeros_like(delta)
         for s in self.static_springs:
@@ -248,7 +247,7 @@ class ContactLaw:
         return force
 
     def static_penetration(self, force: float) -> float:
-        """m, at which the law of a stop pushes with a positive force, N, after a long rest."""
+        """Penetration, m, at which a stop has a positive force, N, after a long rest."""
         springs = sorted(self.static_springs, key=lambda s: s.offset)
         slope, reached, before = 0.0, 0.0, 0.0
         for spring in springs:
@@ -295,7 +294,7 @@ class ContactLaw:
         return a
 
     def resting_phase(self, penetration: float) -> int:
-        """The phase after a long rest at a penetration, m: a guard that is negative hands over to the one it names."""
+        """The phase after a long rest at a penetration, m: a negative guard leads to the next phase."""
         a, motion = self.arrays, self._at_rest(penetration)
         phase, visited = self.start, {self.start}
         while True:
@@ -309,17 +308,17 @@ class ContactLaw:
             visited.add(phase)
 
     def _at_rest(self, penetration: float) -> Floats:
-        """(6 + r,) what the law sees after a long rest at a penetration, m; no other contact presses it."""
+        """(6 + r,) quantities of the law after a long rest at a penetration, m, without normal force."""
         return np.array([penetration, 0.0, 1.0, 0.0, 0.0, 0.0, *self.relaxed_states(penetration)])
 
     def boundaries(self, penetration: float) -> list[PhaseBoundary]:
-        """Where motions about a long rest at a penetration, m, leave the phase there: a border for each guard."""
+        """Boundaries of small motions around a long rest at a penetration, m: one for each guard."""
         a, phase, rest = self.arrays, self.resting_phase(penetration), self._at_rest(penetration)
         force, moving = a.force[phase], a.rates[phase].any()
         seen = np.r_[0, 1, INTERNAL : rest.size]
         boundaries = []
         for guard in a.guard[phase, : a.guards[phase]]:
-            # what depends on a rate, or on states that move, is the force that vanishes
+            # a guard that depends on a rate or a changing state is the force that vanishes
             of_force = bool(force[seen].any() and (guard[1] != 0.0 or (moving and guard[INTERNAL:].any())))
             slope = guard[seen] @ force[seen] / (force[seen] @ force[seen]) if of_force else guard[0]
             distance = max(float(guard @ rest), 0.0)
@@ -331,26 +330,26 @@ class ContactLaw:
 
     @cached_property
     def closed_phase(self) -> int:
-        """The phase of a stop that is just closed, with a force that rises."""
+        """The phase of a stop that has just closed."""
         return self.resting_phase(self.static_penetration(JUST_CLOSED_PENETRATION * self.stiffness))
 
     def dynamic_stiffness(self, phase: int, omega: Floats) -> Complexes:
-        """(w,) force per penetration of small motions within a phase at frequencies, rad/s."""
+        """(w,) dynamic stiffness within a phase at angular frequencies, rad/s."""
         force, iw = self.arrays.force[phase], 1j * np.asarray(omega, dtype=float)
         stiffness = np.asarray(force[0] + iw * force[1], dtype=complex)
         return stiffness + self._stiffness_of_states(phase, iw) if force[INTERNAL:].any() else stiffness
 
     def _stiffness_of_states(self, phase: int, iw: Complexes) -> Complexes:
-        """(w,) part of the dynamic stiffness of internal states p, for which i omega p = A p + b per penetration."""
+        """(w,) contribution of internal states p to the dynamic stiffness, with i omega p = A p + b."""
         force, rates = self.arrays.force[phase], self.arrays.rates[phase]
         moving = iw[:, None, None] * np.eye(self.internal_states) - rates[:, INTERNAL:]
         moved = np.linalg.solve(moving, (rates[:, 0] + iw[:, None] * rates[:, 1])[..., None])[..., 0]
         return np.asarray(moved @ force[INTERNAL:])
 
     def scaled(self, factor: float) -> ContactLaw:
-        """The law with all forces multiplied by a positive factor, that of a contact that presses it too.
+        """The law with all its forces, and its normal force, multiplied by a positive factor.
 
-        Its internal states move as before. A law that depends on no other force may be multiplied by zero.
+        Its internal states are unchanged. A law without normal contact may also be multiplied by zero.
         """
 
         def rows(functions: tuple[LawRow, ...]) -> tuple[LawRow, ...]:
@@ -391,7 +390,7 @@ class ContactLaw:
         )
 
     def plus(self, other: ContactLaw, added_multiple: float) -> ContactLaw:
-        """The force of this law, a multiple of another one's, and ``added_multiple`` of the other's."""
+        """A law with a multiple of this law's force, plus ``added_multiple`` of another law's force."""
         if not other.static_springs:
             return self
         ours, theirs = (law.static_springs[0].stiffness for law in (self, other))
@@ -400,7 +399,7 @@ class ContactLaw:
         )  # a spring without force adds none
 
     def undamped(self) -> ContactLaw | None:
-        """The law without its dashpots; None where it keeps internal states or loses work without them."""
+        """The law without its dashpots; None if it has internal states or other losses."""
         if self.undamped_law is not None:
             return self.undamped_law
         if self.internal_states or self.slides_or_yields:
@@ -412,16 +411,16 @@ class ContactLaw:
         return replace(self, phases=phases, one_sided_springs=parts, dashpot=0.0)
 
 
-LOSS_ROUND_OFF = 1e-12  # of the terms of a loss of energy: a smaller one is their round-off
+LOSS_ROUND_OFF = 1e-12  # relative to the terms of an energy loss; a smaller result is round-off
 
 
 def _event_loss(a: LawArrays, phase: int, guard: int) -> Floats:
-    """(2,) energy lost where a guard ends a phase, J, and for the square of the pressing force, m/N.
+    """(2,) energy loss when a guard ends a phase, J, and for the squared normal force, m/N.
 
-    It is what is stored less afterwards, written without the first quantity by which the guard tells another.
+    It is the decrease of the stored energy, with the first quantity of the guard eliminated.
     """
     old, new, function = a.energy[phase], a.energy[a.next[phase, guard]], a.guard[phase, guard]
-    reset = np.eye(function.size)  # what the law sees after the event by what it saw before
+    reset = np.eye(function.size)  # quantities after the event as functions of those before it
     if a.resets[phase, guard]:
         reset[INTERNAL:] = a.reset[phase, guard]
     at_guard = np.eye(function.size)
@@ -445,7 +444,7 @@ PENETRATION_ROW = LawRow(penetration=1.0)  # the penetration itself
 
 @lru_cache(maxsize=1024)
 def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
-    """Spring and dashpot side by side that push while there is penetration: ``N = k delta + c delta'``.
+    """A parallel spring and dashpot that act while there is penetration: ``N = k delta + c delta'``.
 
     Examples
     --------
@@ -463,7 +462,7 @@ def kelvin_voigt(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
 
 @lru_cache(maxsize=1024)
 def latch(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
-    """A stop that holds in both directions, for good, once it was met: ``N = k delta + c delta'``.
+    """A stop that locks at its first contact and then acts in both directions: ``N = k delta + c delta'``.
 
     Examples
     --------
@@ -480,23 +479,23 @@ def latch(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
 
 
 def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_rest: int) -> ContactLaw:
-    """A continuous force with given slopes between breakpoints, less the straight line of one segment.
+    """A continuous force with given slopes between breakpoints, minus the linear force of one segment.
 
     Parameters
     ----------
-    breakpoints : penetrations, increasing, m.
-    slopes : of the segments between them, one more, N/m. Neighbours of the same slope are one segment.
-    at_rest : number of the segment in which zero penetration lies, whose slope belongs to the linear structure.
+    breakpoints : penetrations, m, increasing.
+    slopes : slopes of the segments, one more than breakpoints, N/m. Neighbouring segments with equal slopes are merged.
+    at_rest : index of the segment with zero penetration, whose slope belongs to the linear structure.
 
     Returns
     -------
     ContactLaw
-        With one phase a segment.
+        With one phase for each segment.
 
     Raises
     ------
     ValueError
-        If breakpoints do not increase, or their number does not fit.
+        If the breakpoints do not increase, or their number is wrong.
 
     Examples
     --------
@@ -512,7 +511,7 @@ def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_r
     force, energy = [0.0] * len(slopes), [0.0] * len(slopes)
     away = [(i, i + 1, breakpoints[i]) for i in range(at_rest, len(breakpoints))]
     away += [(i, i - 1, breakpoints[i - 1]) for i in range(at_rest, 0, -1)]
-    for i, k, b in away:  # force and energy go on without a jump
+    for i, k, b in away:  # force and energy are continuous
         force[k] = force[i] + (slopes[i] - slopes[k]) * b
         energy[k] = energy[i] + 0.5 * (slopes[i] - slopes[k]) * b**2 + (force[i] - force[k]) * b
     phases = []

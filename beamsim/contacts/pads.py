@@ -1,11 +1,10 @@
-r"""Pads: force-deflection curves, given or fitted, laws without tension, and Maxwell branches in parallel with them.
+r"""Pads: force-deflection curves (given or fitted), no-tension laws, and parallel Maxwell branches.
 
-The curve of segments with slopes :math:`s_i \ge 0` between knots :math:`0 = b_0 < b_1 < \dots` is
-:math:`N(x) = \sum_i s_i \min(\max(x - b_i, 0), b_{i+1} - b_i)`, the last slope going on. For given knots the slopes
-that fit best follow from non-negative least squares. The knots begin as those of a dynamic programme (independent
-straight lines on intervals of the points) or evenly among the points, and move together to where the squared misfit is
-least near there. Up to ten segments every knot then looks for a better place between its neighbours, until
-none finds one.
+The curve has slopes :math:`s_i \ge 0` on segments between knots :math:`0 = b_0 < b_1 < \dots`: :math:`N(x) = \sum_i s_i
+\min(\max(x - b_i, 0), b_{i+1} - b_i)`; the last slope continues. For given knots the best slopes follow from
+non-negative least squares. Initial knots come from dynamic programming (independent straight lines on intervals of the
+points), or are spaced evenly among the points; then all knots move together to a local minimum of the squared misfit.
+With at most ten segments, each knot is then moved between its neighbours until no move reduces the misfit.
 
 With :math:`N_t` the curve's force, a dashpot c and branches of stiffness :math:`k_j` and relaxation time
 :math:`\tau_j`, the force in contact is
@@ -13,9 +12,9 @@ With :math:`N_t` the curve's force, a dashpot c and branches of stiffness :math:
 .. math:: N = N_t(\delta) + c\,\dot\delta + \sum_j k_j (\delta - p_j), \qquad \tau_j \dot p_j = \delta - p_j .
 
 Contact ends where N reaches zero. The released pad recovers by itself: its face is at the compression u at which the
-same force with u in the place of :math:`\delta` is zero, and contact is made again where :math:`\delta` meets u.
-Without a dashpot u is linear in the p of the segment in which it lies; with one it is an internal state of its own.
-There is a phase in contact and a released phase for each segment of the curve.
+same force, with u in place of :math:`\delta`, is zero, and the contact closes where :math:`\delta` reaches u. Without a
+dashpot u is linear in the p of its segment; with one it is an internal state. There is a closed and a released phase
+for each segment of the curve.
 """
 
 from __future__ import annotations
@@ -39,58 +38,58 @@ from beamsim.contacts.laws import (
 )
 from beamsim.typing import Floats
 
-COMPARED_SEGMENTS = 8  # of curves that are compared
-OWN_COLUMNS = NORMAL_FORCE  # number of columns of what a law sees of its own contact's motion: penetration, rate, 1
+COMPARED_SEGMENTS = 8  # largest number of segments in a comparison of curves
+OWN_COLUMNS = NORMAL_FORCE  # number of quantities of a law that belong to the contact itself: penetration, rate, 1
 
 
 @dataclass(frozen=True)
 class ForceCurve:
-    """A continuous rising curve from zero; the last slope goes on."""
+    """A continuous, rising force-deflection curve from zero; it continues with its last slope."""
 
     deflection: Floats  # (p,) m, increasing, the first zero
     force: Floats  # (p,) N, not falling, the first zero
 
     @classmethod
     def line(cls, stiffness: float) -> ForceCurve:
-        """That of a spring, N/m."""
+        """The curve of a spring with a stiffness, N/m."""
         return cls(np.array([0.0, 1.0]), np.array([0.0, stiffness]))
 
     @property
     def slopes(self) -> Floats:
-        """(p - 1,) N/m."""
+        """(p - 1,) slopes, N/m."""
         return np.asarray(np.diff(self.force) / np.diff(self.deflection))
 
     @property
     def stiffness(self) -> float:
-        """N/m, the first slope that is not zero."""
+        """First nonzero slope, N/m."""
         return float(self.slopes[self.slopes > 0][0])
 
     def at(self, deflection: Floats) -> Floats:
-        """Forces at deflections; zero at negative ones."""
+        """Forces at deflections, N; zero at negative ones."""
         beyond = np.maximum(deflection - self.deflection[-1], 0.0) * self.slopes[-1]
         return np.asarray(np.interp(deflection, self.deflection, self.force) + beyond)
 
 
-NEGLIGIBLE_SLOPE = 1e-9  # of the steepest slope, below which a slope is round-off
+NEGLIGIBLE_SLOPE = 1e-9  # relative to the steepest slope; a smaller one is round-off
 
 
 def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCurve, float]:
-    """The rising curve through zero that is closest to points in the mean square.
+    """Fit a rising curve through zero to points, with the least mean square error.
 
     Parameters
     ----------
-    deflection, force : (p,) points, m and N; those at negative deflections are points without contact.
-    segments : largest number of them.
+    deflection, force : (p,) points, m and N; points at negative deflections have no contact.
+    segments : largest number of segments.
 
     Returns
     -------
     ForceCurve, float
-        The curve, and the root mean square of the points' distances from it, N.
+        The curve, and the root mean square of the residuals, N.
 
     Raises
     ------
     ValueError
-        Where no force is positive, or the force does not rise.
+        If no force is positive, or the force does not rise.
     """
     used = deflection > 0.0
     x, y = deflection[used], force[used]
@@ -109,9 +108,9 @@ def fit_curve(deflection: Floats, force: Floats, segments: int) -> tuple[ForceCu
 
 
 def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
-    """Knots of at most so many segments, the first at zero."""
+    """Knots of at most this number of segments, the first at zero."""
     places = np.unique(x)
-    if places.size <= segments:  # no rising curve is closer than one that bends at the points
+    if places.size <= segments:  # no rising curve fits better than one with knots at the points
         return np.concatenate([[0.0], places[:-1]])
     even = np.concatenate([[0.0], places[np.arange(1, segments) * places.size // segments]])
     starts = [_optimise_knots_together(x, y, knots) for knots in (_starting_knots(x, y, segments), even)]
@@ -120,7 +119,7 @@ def _best_knots(x: Floats, y: Floats, segments: int) -> Floats:
 
 
 def _merge_segments(curve: ForceCurve) -> ForceCurve:
-    """Without points between segments of one slope."""
+    """Merge neighbouring segments with equal slopes."""
     slopes = curve.slopes
     bends = np.flatnonzero(np.abs(np.diff(slopes)) > 1e-9 * slopes.max()) + 1
     kept = np.concatenate([[0], bends, [slopes.size]])
@@ -128,13 +127,13 @@ def _merge_segments(curve: ForceCurve) -> ForceCurve:
 
 
 def hinges(x: Floats, knots: Floats) -> Floats:
-    """(points, knots) extension of each segment at deflections: what the slopes multiply."""
+    """(points, knots) deflection within each segment, whose factors are the slopes."""
     width = np.append(np.diff(knots), np.inf)
     return np.asarray(np.clip(x[:, None] - knots, 0.0, width))
 
 
 def fitted_numbers(matrix: Floats, target: Floats) -> tuple[Floats, float]:
-    """Numbers, none negative, whose combination of columns is closest to a target, and the squared misfit."""
+    """Non-negative factors of the columns with the smallest squared misfit to a target, and this misfit."""
     from scipy.optimize import nnls
 
     scale = np.linalg.norm(matrix, axis=0)
@@ -144,16 +143,16 @@ def fitted_numbers(matrix: Floats, target: Floats) -> tuple[Floats, float]:
 
 
 def _slopes(x: Floats, y: Floats, knots: Floats) -> tuple[Floats, float]:
-    """Slopes that fit best, and the squared misfit."""
+    """Best slopes for given knots, and the squared misfit."""
     return fitted_numbers(hinges(x, knots), y)
 
 
 def _starting_knots(x: Floats, y: Floats, segments: int) -> Floats:
-    """Knots between the intervals of points on which independent straight lines fit best, the first knot at zero."""
-    edge = np.unique(np.linspace(0, x.size, min(120, x.size) + 1).astype(int))  # ends of intervals to choose from
+    """Initial knots, between intervals of points that are best fitted by straight lines; the first is zero."""
+    edge = np.unique(np.linspace(0, x.size, min(120, x.size) + 1).astype(int))  # candidate ends of intervals
     count = edge.size - 1
     segments = min(segments, count)
-    # sums up to each edge give the misfit of a line on any interval
+    # cumulative sums give the misfit of a line on any interval
     total = np.vstack([np.zeros(6), np.cumsum(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1), axis=0)])
     total = total[edge]
     n, sx, sy, sxx, sxy, syy = np.moveaxis(total[None] - total[:, None], 2, 0)  # [first, last]
@@ -176,7 +175,7 @@ def _starting_knots(x: Floats, y: Floats, segments: int) -> Floats:
 
 
 def _optimise_knots_together(x: Floats, y: Floats, knots: Floats) -> Floats:
-    """Knots and slopes at a minimum of the squared misfit near the given knots."""
+    """Knots and slopes at a local minimum of the squared misfit."""
     from scipy.optimize import least_squares
 
     if knots.size == 1:
@@ -206,7 +205,7 @@ def _optimise_knots_together(x: Floats, y: Floats, knots: Floats) -> Floats:
 
 
 def _optimise_knots_singly(x: Floats, y: Floats, knots: Floats) -> Floats:
-    """Knots moved between their neighbours until the misfit no longer becomes less."""
+    """Knots after each was moved between its neighbours until the misfit no longer decreased."""
     from scipy.optimize import minimize_scalar
 
     square = _slopes(x, y, knots)[1]
@@ -220,7 +219,7 @@ def _optimise_knots_singly(x: Floats, y: Floats, knots: Floats) -> Floats:
             def misfit(position: float, below: Floats = knots[:i], above: Floats = knots[i + 1 :]) -> float:
                 return _slopes(x, y, np.concatenate([below, [position], above]))[1]
 
-            # the misfit has a minimum for each gap between points: look at a few places before going downhill
+            # the misfit has a minimum in each gap between points: try a few positions before a local search
             places = np.linspace(low, high, 12)[1:-1]
             values = [misfit(place) for place in places]
             k = int(np.argmin(values))
@@ -243,7 +242,7 @@ class MaxwellBranch:
 
 
 def table_law(curve: ForceCurve, dashpot: float = 0.0) -> ContactLaw:
-    """A force-deflection curve in parallel with a dashpot, which push while there is penetration: one phase a segment.
+    """A force-deflection curve with a parallel dashpot, active while there is penetration: one phase for each segment.
 
     Examples
     --------
@@ -263,19 +262,19 @@ def table_law(curve: ForceCurve, dashpot: float = 0.0) -> ContactLaw:
 
 
 def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[MaxwellBranch] = ()) -> ContactLaw:
-    """A pad that never pulls and recovers by itself; see the module's equations.
+    """A no-tension pad that recovers by itself; see the module's equations.
 
     Parameters
     ----------
-    curve : force over deflection, N and m.
-    dashpot : in parallel with it, N s/m.
-    branches : in parallel with both.
+    curve : force-deflection curve.
+    dashpot : parallel dashpot, N s/m.
+    branches : Maxwell branches parallel to both.
 
     Returns
     -------
     ContactLaw
-        The internal states are the compression u of the released face, where there is a dashpot, then the p of the
-        branches. In contact u means nothing: it starts from zero and decays.
+        The internal states are the compression u of the released face (only with a dashpot), then the p of the
+        branches. In contact u has no meaning; it is reset at release.
     """
     count = curve.slopes.size
     pad = _Pad(curve, dashpot, tuple(branches))
@@ -297,11 +296,11 @@ def recovering_law(curve: ForceCurve, dashpot: float = 0.0, branches: Sequence[M
 
 @lru_cache(maxsize=1024)
 def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
-    """As :func:`kelvin_voigt`, but the snubber lets go where it would pull, and relaxes until it is met again.
+    """As :func:`kelvin_voigt`, but contact ends when the force would become tensile; the released snubber then relaxes.
 
-    It is the pad whose curve is a line. The compression p of the released snubber, ``p' = -(k/c) p``, begins as the
-    penetration at release; contact is made where the penetration reaches it. Without a dashpot the law is that of
-    Kelvin–Voigt.
+    It is a pad with a linear curve. The compression p of the released snubber, ``p' = -(k/c) p``, starts from the
+    penetration at release; the contact closes when the penetration reaches it. Without a dashpot it is the Kelvin–Voigt
+    law.
     """
     undamped = replace(kelvin_voigt(stiffness), rebuild=no_tension)
     if dashpot == 0.0:
@@ -310,7 +309,7 @@ def no_tension(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
 
 
 def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> ContactLaw:
-    """Branches in parallel with a two-sided law without internal states, or alone: a spring that relaxes.
+    """Maxwell branches parallel to a two-sided law without internal states, or alone.
 
     Examples
     --------
@@ -339,7 +338,7 @@ def relaxing_law(law: ContactLaw | None, branches: Sequence[MaxwellBranch]) -> C
 
 @dataclass(frozen=True)
 class _Pad:
-    """Rows are factors of the penetration, its rate, 1, and the internal states."""
+    """Rows of a pad's phases: factors of the penetration, its rate, 1, and the internal states."""
 
     curve: ForceCurve
     dashpot: float
@@ -347,7 +346,7 @@ class _Pad:
 
     @property
     def first_branch_state(self) -> int:
-        """Number of the first branch's state; before it that of the face, in parallel with a dashpot."""
+        """Index of the first branch's state; with a dashpot the state of the face comes before it."""
         return 1 if self.dashpot > 0.0 else 0
 
     @property
@@ -365,29 +364,29 @@ class _Pad:
 
     @property
     def state_dashpots(self) -> tuple[float, ...]:
-        """Of the dashpot with the rate of the face, and of the branches' dashpots."""
+        """Dashpots of the face and of the branches, N s/m."""
         return (self.dashpot,) * self.first_branch_state + tuple(b.stiffness * b.relaxation_time for b in self.branches)
 
     def offset(self, i: int) -> float:
-        """Force at zero deflection on the line of a segment, N."""
+        """Force at zero deflection of the extended line of a segment, N."""
         return float(self.curve.force[i] - self.curve.slopes[i] * self.curve.deflection[i])
 
     def of_branches(self, compression: Floats) -> tuple[LawSpring, ...]:
-        """The springs of the branches, compressed by a row."""
+        """Springs of the branches, for a compression given as a row."""
         extensions = [
             _row(compression - self.unit(OWN_COLUMNS + j)) for j in range(self.first_branch_state, self.states)
         ]
         return tuple(LawSpring(b.stiffness, extension) for b, extension in zip(self.branches, extensions, strict=True))
 
     def springs(self, i: int, compression: Floats) -> tuple[LawSpring, ...]:
-        """Curve and branches on a segment, compressed by a row."""
+        """Springs of curve and branches on a segment, for a compression given as a row."""
         x, force, slope = self.curve.deflection[: i + 1], self.curve.force[: i + 1], float(self.curve.slopes[i])
         below = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
         energy = below - 0.5 * slope * float(x[i]) ** 2 - self.offset(i) * float(x[i])
         return (LawSpring(slope, _row(compression), self.offset(i), energy), *self.of_branches(compression))
 
     def force(self, i: int, compression: Floats) -> Floats:
-        """(3 + r,) row of the force of curve and branches on a segment, compressed by a row."""
+        """(3 + r,) row of the force of curve and branches on a segment, for a compression given as a row."""
         k = np.array([b.stiffness for b in self.branches])
         row = (float(self.curve.slopes[i]) + k.sum()) * compression
         row[2] += self.offset(i)
@@ -402,14 +401,14 @@ class _Pad:
         return np.asarray(-without / self.force(i, self.delta)[0])
 
     def relaxing(self, compression: Floats) -> tuple[LawRow, ...]:
-        """Rates of the branches' states, compressed by a row."""
+        """Rates of the branches' states, for a compression given as a row."""
         return tuple(
             _row((compression - self.unit(OWN_COLUMNS + j)) / branch.relaxation_time)
             for j, branch in enumerate(self.branches, start=self.first_branch_state)
         )
 
     def recovery_rows(self, i: int, *, released: bool) -> tuple[LawRow, ...]:
-        """The rate of u, where it is a state: its dashpot moves by the force; in contact it decays."""
+        """The rate of u if it is a state: when released the dashpot moves under the force; in contact it decays."""
         if not self.first_branch_state:
             return ()
         force = self.force(i, self.unit(OWN_COLUMNS))
@@ -425,7 +424,7 @@ class _Pad:
         return guards
 
     def reset(self, face: LawRow) -> tuple[LawRow, ...] | None:
-        """The states after contact is made or lost: those of the branches go on."""
+        """The states after the contact closes or opens; those of the branches are continuous."""
         return (
             (face, *(_row(self.unit(OWN_COLUMNS + j)) for j in range(1, self.states)))
             if self.first_branch_state
@@ -459,7 +458,7 @@ def _row(factors: Floats, constant: float = 0.0) -> LawRow:
 
 
 def loop_width(deflection: Floats, force: Floats) -> float:
-    """Mean difference between loading and unloading over the largest force; 0 where there is no unloading."""
+    """Mean difference between loading and unloading, relative to the largest force; 0 without unloading."""
     step = np.diff(deflection)
     middle, push = 0.5 * (deflection[1:] + deflection[:-1]), 0.5 * (force[1:] + force[:-1])
     rising, falling = step > 0, step < 0
@@ -472,12 +471,12 @@ def loop_width(deflection: Floats, force: Floats) -> float:
 
 
 def relaxed_part(time: Floats, deflection: Floats, relaxation_time: float | Floats) -> Floats:
-    """p of ``tau p' = delta - p`` with the deflection straight between its samples, p at rest at the first.
+    """Solution p of ``tau p' = delta - p``, with the deflection linear between its samples, initially relaxed.
 
     Parameters
     ----------
     time, deflection : (t,) samples, s and m.
-    relaxation_time : tau, s; or (n,) of them.
+    relaxation_time : tau, s; or (n,) values.
 
     Returns
     -------

@@ -244,7 +244,8 @@ def descriptions(schema: type[Schema]) -> dict[str, str]:
     """Map the name of every field to the docstring below it.
 
     Docstrings are read from the source only when an editor's schema or a message needs them: reading them at every
-    start would take a third of the import time."""
+    start would take a third of the import time.
+    """
     docstrings: dict[str, str] = {}
     for base in reversed(schema.__mro__):
         if issubclass(base, Schema) and base is not Schema:

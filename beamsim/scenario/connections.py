@@ -277,7 +277,8 @@ class SnubberRatioDamping(RatioDamping):
     """Dashpot given by a damping ratio: c = 2 ratio k / Omega.
 
     Omega is the first natural frequency with only this snubber closed. The closed mode has this damping ratio only if
-    the snubber stores all of its energy; docs/stops.md explains which form suits which stop."""
+    the snubber stores all of its energy; docs/stops.md explains which form suits which stop.
+    """
 
     kind: Literal["ratio"] = "ratio"
     """Dashpot given by a damping ratio."""

@@ -23,7 +23,8 @@ def json_schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a scenario file.
 
     A quantity is a number in SI units or a text with a unit; its unit ends the description. A file that extends another
-    one may be incomplete: sections that are merged have a second definition without required keys."""
+    one may be incomplete: sections that are merged have a second definition without required keys.
+    """
     whole = Scenario.model_json_schema(by_alias=True, schema_generator=_SchemaGenerator)
     parts: dict[str, Any] = {"Scenario": whole} | whole.pop("$defs")
     extends = {

@@ -175,7 +175,8 @@ class UsualRange:
     A number is questionable if it lies outside its range but would lie inside in another usual unit: a filter of 2 Hz
     for a sine of 65 Hz, where 2 kHz would be usual. It is accepted silently if its written unit makes it clear: 0.002
     kHz, 120 rpm. Ranges extend about thirty times beyond plausible values. A question refuses no case, changes no exit
-    code and stops no study."""
+    code and stops no study.
+    """
 
     dimension: Dimension
     units: tuple[str, ...]  # units that may be confused, SI first

@@ -535,7 +535,8 @@ class Scenario(Schema):
         frequency the number of samples per period is an integer, so that spectra of whole periods have no leakage. Long
         runs at high frequency have two million samples, or 20 per period if that is more. A random input has 10 samples
         per period of its highest frequency, or a multiple: half the rate of its own spline, so that the samples
-        coincide with its pieces. A record for a shock response spectrum has the same rate."""
+        coincide with its pieces. A record for a shock response spectrum has the same rate.
+        """
         random = self._has_random_band and highest_hz > 0.0
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
         rate = max((10.0 if random else 100.0) * highest_hz, 50.0 * rough, 2000.0 / duration)
@@ -548,7 +549,8 @@ class Scenario(Schema):
 
         It is 50 times the highest frequency of the excitation, Hz (10 times for a random input or a record for a shock
         response spectrum), and at least 64 times a low natural frequency, which is about ten bending modes of a beam:
-        peak accelerations at a stop need that many."""
+        peak accelerations at a stop need that many.
+        """
         rough = max((body.rough_frequency_hz for body in self.all_bodies.values()), default=0.0)
         return max((10.0 if self._has_random_band else 50.0) * highest_hz, 64.0 * rough)
 

@@ -26,7 +26,8 @@ class Dimension:
     """A physical quantity: its name, SI unit as text, an example, and its range.
 
     The range limits the magnitude; zero is allowed. It includes nanometre resonators, bridges, and dimensionless models
-    with masses and stiffnesses around 1. A value outside is a typing error, or would overflow in computations."""
+    with masses and stiffnesses around 1. A value outside is a typing error, or would overflow in computations.
+    """
 
     name: str
     unit: str
