@@ -1,5 +1,5 @@
-"""Signals in time: harmonic, swept, sampled, random, pulses, and where they act.
+"""Input signals in time: harmonic, swept, sampled, random, pulses, and where they act.
 
 Never here: the response of a structure.
-Begin with `signal`, the closed form to which every input is converted.
+Begin with `signal`, the closed form of every input.
 """

@@ -6,9 +6,9 @@ Between two points of the table the density is a power of the frequency, :math:`
 
 and :math:`a\,S(a) \ln(b/a)` for s = -1. A record of period T is a sum of sines at the frequencies k / T, its lines.
 Half the squared amplitude of each is the integral of the density over the line's share of the axis, from
-:math:`(k - 1/2)/T` to :math:`(k + 1/2)/T`, so that the mean square of the record is the area under the density however
-few lines there are. Where a band or plateau has fewer than `FEWEST_LINES` of them, the record is no Gaussian noise with
-that density, and is refused.
+:math:`(k - 1/2)/T` to :math:`(k + 1/2)/T`, so that the mean square of the record equals the area under the density for
+any number of lines. A band or plateau with fewer than `FEWEST_LINES` lines is refused: such a record would not be
+Gaussian noise with the given density.
 """
 
 from __future__ import annotations
@@ -26,11 +26,9 @@ from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.files import CurveFile
 from beamsim.typing import Floats, Ints
 
-FEWEST_LINES = 8  # in a band, plateau or peak
-MEASURED_CURVE_POINTS = (
-    20  # points, evenly spaced, from which on a table is a measured curve, whose flat parts are chance
-)
-HALF_POWER = 0.5  # of a peak, down to which it reaches
+FEWEST_LINES = 8  # lines in a band, plateau or peak
+MEASURED_CURVE_POINTS = 20  # evenly spaced points, above which a table is taken for a measured curve
+HALF_POWER = 0.5  # density relative to a peak, at the ends of the peak
 
 
 @dataclass(frozen=True)
@@ -54,16 +52,16 @@ class SpectralDensity:
 
     @property
     def lowest_hz(self) -> float:
-        """Lower end of the band, Hz."""
+        """Lowest frequency of the band, Hz."""
         return float(self.frequency_hz[0])
 
     @property
     def highest_hz(self) -> float:
-        """Upper end of the band, Hz."""
+        """Highest frequency of the band, Hz."""
         return float(self.frequency_hz[-1])
 
     def __call__(self, frequency_hz: Floats) -> Floats:
-        """Density at frequencies (n,), Hz, in unit^2/Hz; at a step that above it."""
+        """Density at frequencies (n,), Hz, in unit^2/Hz; at a step the value above it."""
         low, high = self.lowest_hz * (1 - 1e-12), self.highest_hz * (1 + 1e-12)
         inside = (frequency_hz >= low) & (frequency_hz <= high)
         out = np.zeros(frequency_hz.shape)
@@ -73,14 +71,14 @@ class SpectralDensity:
         return out
 
     def _segments(self, frequency_hz: Floats) -> tuple[Ints, Floats]:
-        """(n,) number of the segment at each frequency within the band, and its power of the frequency."""
+        """(n,) index of the segment at each frequency within the band, and its exponent of the frequency."""
         last = int(np.flatnonzero(np.diff(self.frequency_hz))[-1])  # segment that is not a step
         k = np.clip(np.searchsorted(self.frequency_hz, frequency_hz, side="right") - 1, 0, last)
         ratio = np.log(self.value[k + 1] / self.value[k])
         return k, ratio / np.log(self.frequency_hz[k + 1] / self.frequency_hz[k])
 
     def mean_squares(self, edges_hz: Floats) -> Floats:
-        """Mean square (n - 1,) between each two of increasing frequencies (n,), Hz, in unit^2."""
+        """Mean square (n - 1,) between neighbouring frequencies (n,), Hz, increasing, in unit^2."""
         ends = np.unique(np.concatenate([edges_hz, self.frequency_hz]))
         low, high = ends[:-1], ends[1:]
         inside = (low >= self.lowest_hz) & (high <= self.highest_hz) & (low >= edges_hz[0]) & (high <= edges_hz[-1])
@@ -97,7 +95,7 @@ class SpectralDensity:
 
     @property
     def rms(self) -> float:
-        """Root of the area under the density."""
+        """Root mean square: the square root of the area under the density."""
         return float(np.sqrt(self.mean_squares(self.frequency_hz[[0, -1]])[0]))
 
     def lines(self, period: float, count: int) -> Floats:
@@ -105,13 +103,13 @@ class SpectralDensity:
 
         Parameters
         ----------
-        period : s, of the record.
-        count : number of lines, 0 and the highest one included; the band ends below the highest.
+        period : period of the record, s.
+        count : number of lines, including 0 and the highest one; the band ends below the highest.
 
         Returns
         -------
         (count,) array
-            Amplitudes at the frequencies k / period. What lies below half a spacing belongs to line 1.
+            Amplitudes at the frequencies k / period. The density below half a spacing belongs to line 1.
         """
         first = max(int(np.floor(self.lowest_hz * period + 0.5)), 1)
         last = min(max(int(np.floor(self.highest_hz * period + 0.5)), first), count - 1)
@@ -122,10 +120,11 @@ class SpectralDensity:
         return amplitude
 
     def features(self) -> Iterator[tuple[str, float, float]]:
-        """What a record has to resolve: what it is, and its ends in Hz.
+        """Yield the features that a record must resolve: name, and lower and upper frequency in Hz.
 
-        The band; plateaus, where neighbouring points have one density; peaks between lower points, as far as half of
-        their density. Of a table of many evenly spaced points, as analysers write it, the band alone.
+        The features are the band; plateaus, where neighbouring points have equal densities; and peaks between lower
+        points, down to half of their density. A table with many evenly spaced points, as from an analyser, has only the
+        band.
         """
         f, value = self.frequency_hz, self.value
         yield "band", self.lowest_hz, self.highest_hz
@@ -142,7 +141,7 @@ class SpectralDensity:
                     yield "peak", ends[0], ends[1]
 
     def _half_power(self, peak: int, step: int) -> float:
-        """Frequency, Hz, at which the density falls to half of a point's; 0 where it does not before it rises."""
+        """Frequency, Hz, at which the density falls to half of a point's value; 0 if it rises before that."""
         k, level = peak, HALF_POWER * self.value[peak]
         while 0 <= k + step < self.value.size and self.value[k + step] <= self.value[k]:
             ahead = k + step
@@ -153,17 +152,17 @@ class SpectralDensity:
         return 0.0
 
     def demand_resolved(self, period: float, key: str) -> None:
-        """Refuse a record that has too few lines in the band, a plateau or a peak.
+        """Refuse a record with too few lines in the band, a plateau or a peak.
 
         Parameters
         ----------
-        period : s, after which the record repeats.
-        key : key that gives it.
+        period : period of the record, s.
+        key : key that gives the period, for the message.
 
         Raises
         ------
         ScenarioError
-            With the duration that suffices for all of them.
+            With the duration that would be enough.
         """
         few = []
         for what, low, high in self.features():
@@ -182,13 +181,13 @@ class SpectralDensity:
 
 
 def _round_up(duration: float) -> float:
-    """A duration in three digits that is no shorter."""
+    """A duration rounded up to three digits."""
     scale = 10.0 ** (np.floor(np.log10(duration)) - 2)
     return float(np.ceil(duration / scale * (1 - 1e-12)) * scale)
 
 
 def clipped_mean_square(sigmas: float | None) -> float:
-    """Mean square of a Gaussian signal that is clipped at a number of standard deviations, over that without clipping.
+    """Mean square of a Gaussian signal after clipping at a number of standard deviations, relative to that before.
 
     >>> clipped_mean_square(None), round(clipped_mean_square(3.0), 6)
     (1.0, 0.995007)
@@ -205,8 +204,8 @@ def density_of(excitation: RandomInput, folder: Path | None = None) -> SpectralD
 
     Parameters
     ----------
-    excitation : of the scenario.
-    folder : to which the path of a file is relative, by default the current one.
+    excitation : section of the scenario.
+    folder : base folder of relative paths; by default the current one.
 
     Returns
     -------
@@ -216,7 +215,7 @@ def density_of(excitation: RandomInput, folder: Path | None = None) -> SpectralD
     Raises
     ------
     ScenarioError
-        If it is a file that cannot be read, or has no table of a density of that quantity.
+        If its file cannot be read, or has no density of the required quantity.
     """
     if isinstance(excitation.psd, CurveFile):
         return SpectralDensity(*read_density(excitation, excitation.psd, folder))

@@ -2,8 +2,8 @@
 
 An acceleration :math:`\\mathrm{Re}[\\alpha e^{i\\varphi}]` whose frequency changes leaves two constants in its double
 integral: an offset of the velocity, with which the base drifts away, and one of the displacement. The motion without
-drift is the one whose offsets vanish once the sweep has become slow, when it is led on by its own law of frequency and
-level: the integrals run from the far end of that sweep, not from its start. With
+drift is the one whose offsets vanish when the sweep is continued, by its own law of frequency and level, until it is
+slow: the integrals start from the far end of that sweep. With
 :math:`p = \\dot f / (2\\pi f^2)`, the relative change of the frequency in a radian, and
 :math:`\\alpha \\propto f^s`, it is
 
@@ -14,13 +14,12 @@ level: the integrals run from the far end of that sweep, not from its start. Wit
 
 with :math:`g = (1 + ipy)^s e^{-ipy^2/2}`, :math:`h = y` for a linear sweep and :math:`g = (1 + ipy)^{s-1}`,
 :math:`h = \\log(1 + ipy) / (ip)` for a logarithmic one. Here :math:`iy/\\omega` is the time, in a logarithmic sweep iy
-the phase, from the moment that is asked for to a later one, turned to where the sine decays. Both integrals are taken
-along :math:`y = e^{\\mp i\\pi/4} r` for p above and below zero, where nothing oscillates however fast the sweep is.
-In a slow sweep both are 1.
+the phase, from the considered moment to a later one, rotated to where the sine decays. Both integrals are evaluated
+along :math:`y = e^{\\mp i\\pi/4} r` for p above and below zero, where the integrand does not oscillate at any sweep
+rate. In a slow sweep both are 1.
 
-On the steep line of a log-log table that stands for a step, the level changes within a radian, and the acceleration is
-integrated in time from the quieter end of the line instead, where the motion is the one that belongs to a constant
-level.
+On a steep line of a log-log table, which represents a step, the level changes within a radian. There the acceleration
+is integrated in time from the line's end with the lower level, where the motion is that of a constant level.
 
 Where two intervals meet, at a corner or step of the profile or at a turn, v and d jump by :math:`J_v` and
 :math:`J_d`. The jumps are impulses :math:`J_v \\delta + J_d \\delta'` of the acceleration; they are replaced by
@@ -42,7 +41,7 @@ from beamsim.inputs.profiles import Leg, Profile
 from beamsim.summaries import Entry, Number
 from beamsim.typing import Complexes, Floats, Ints
 
-TURNS_ROUND_OFF = 1e-9  # cycles that count as equal
+TURNS_ROUND_OFF = 1e-9  # cycles; a smaller difference is round-off
 
 
 @cache
@@ -60,18 +59,18 @@ def _path() -> tuple[Floats, Floats]:
 
 
 def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
-    """Factors of the velocity and the displacement without drift.
+    """Complex factors of velocity and displacement without drift.
 
     Parameters
     ----------
     leg : direction and rate of the sweep.
-    power : s, of the frequency with which the acceleration grows.
-    frequency_hz : (F,) Hz; the leg's law of frequency goes on beyond its ends.
+    power : exponent s of the frequency in the acceleration amplitude.
+    frequency_hz : (F,) Hz; the sweep law is continued beyond the ends of the leg.
 
     Returns
     -------
     tuple
-        K_v and K_d, (F,) each, 1 in a sweep without end; see the equations above.
+        K_v and K_d, (F,) each; 1 for an infinitely slow sweep; see the equations above.
     """
     p = leg.change_per_radian(frequency_hz)
     turn = np.exp(-0.25j * np.pi * np.sign(leg.signed_rate))
@@ -91,9 +90,9 @@ def drift_free(leg: Leg, power: float, frequency_hz: Floats) -> tuple[Complexes,
 
 
 def _along_steep_line(leg: Leg, power: float, quiet_end_hz: float, frequency_hz: Floats) -> tuple[Complexes, Complexes]:
-    """The same factors (F,) from those of a constant level at the quiet end, by integration in time.
+    """The same factors (F,), integrated in time from the end with the lower level.
 
-    The displacement is the integral of the acceleration times the time that is left.
+    The displacement is the integral of the acceleration times the remaining time.
     """
     from scipy.integrate import quad_vec
 
@@ -124,7 +123,7 @@ def motion_without_drift(
     ----------
     leg : direction and rate of the sweep.
     profile : level over frequency.
-    piece : number of the profile's piece.
+    piece : index of the profile's piece.
     frequency_hz : (F,) Hz, on that piece.
     alpha : (F,) m/s^2, complex accelerations at these frequencies.
 
@@ -149,7 +148,7 @@ def motion_without_drift(
 
 @cache
 def _pulse() -> tuple[Polynomial, Polynomial, Polynomial]:
-    """A pulse of unit area on [-1, 1], its integral and its double integral from -1."""
+    """A pulse of unit area on [-1, 1], with its integral and double integral from -1."""
     pulse = 35 / 32 * Polynomial([1.0, 0.0, -1.0]) ** 3
     rise = pulse.integ(lbnd=-1)
     return pulse, rise, rise.integ(lbnd=-1)
@@ -157,18 +156,19 @@ def _pulse() -> tuple[Polynomial, Polynomial, Polynomial]:
 
 @dataclass(frozen=True)
 class Correction:
-    """The pulse that takes up a jump of the motion without drift."""
+    """A pulse of the base acceleration that removes a jump of the drift-free motion."""
 
-    time: float  # s, of the jump
+    time: float  # s, time of the jump
     half_width: float  # s
     velocity: float  # m/s, J_v
     displacement: float  # m, J_d
     level: float  # m/s^2, the larger of the levels at the jump
 
     def displacement_about(self, time: Floats) -> Floats:
-        """(T, 9) coefficients, in powers of the time since each of some times, of what is added to the displacement.
+        """(T, 9) Taylor coefficients of the added displacement about given times.
 
-        Before the jump the pulse's own double integral; after it less what the jump itself has added.
+        Before the jump this is the double integral of the pulse; after it, the double integral minus the jump's own
+        effect.
         """
         _, rise, ramp = _pulse()
         x = (time - self.time) / self.half_width
@@ -187,7 +187,7 @@ class Correction:
         return out
 
     def acceleration(self, time: Floats) -> Floats:
-        """The pulse at times (T,), m/s^2."""
+        """Acceleration of the pulse at times (T,), m/s^2."""
         x = (time - self.time) / self.half_width
         shape, _, _ = _pulse()
         pulse = self.velocity / self.half_width * shape(x) + self.displacement / self.half_width**2 * shape.deriv()(x)
@@ -196,7 +196,7 @@ class Correction:
 
 @dataclass(frozen=True)
 class CorrectionSize:
-    """How large the largest of some corrections is."""
+    """Size of the largest correction of a sweep."""
 
     ENTRIES: ClassVar[tuple[Entry, ...]] = (  # of a summary
         Entry(
@@ -212,13 +212,13 @@ class CorrectionSize:
             form=Number,
         ),
     )
-    acceleration: float  # m/s^2, largest correction of the base's acceleration
-    share: float  # that over the level of the sweep there
-    time: float  # s, when that is
+    acceleration: float  # m/s^2, largest correction of the base acceleration
+    share: float  # the correction over the level of the sweep at that time
+    time: float  # s, time of the largest correction
 
     @classmethod
     def of(cls, corrections: Sequence[Correction]) -> CorrectionSize:
-        """The size of the correction that is largest in relation to the level; overlapping ones add up."""
+        """The size of the correction that is largest relative to the level; overlapping corrections are added."""
         largest = cls(0.0, 0.0, 0.0)
         for correction in corrections:
             near = correction.time + correction.half_width * np.linspace(-1.0, 1.0, 201)
@@ -232,7 +232,7 @@ class CorrectionSize:
         return largest
 
     def summary(self) -> dict[str, float]:
-        """Its entries in the summary of a run or a sweep."""
+        """Entries for the summary of a run or sweep."""
         return {"base_correction_m_s2": self.acceleration, "base_correction_share": self.share}
 
     def warnings(self, *, stepped_levels: bool) -> list[str]:
@@ -248,11 +248,11 @@ class CorrectionSize:
 
 
 def jumps(legs: Sequence[Leg], profile: Profile, phase: float) -> tuple[Correction, ...]:
-    """The corrections of a sweep: at the profile's corners and steps, and at turns.
+    """Corrections of a sweep: at corners and steps of the profile, and where the direction changes.
 
     Parameters
     ----------
-    legs : directions of the sweep, one after the other.
+    legs : directions of the sweep, in order.
     profile : level over frequency.
     phase : of the sine at the start, rad.
 
@@ -279,15 +279,15 @@ def jumps(legs: Sequence[Leg], profile: Profile, phase: float) -> tuple[Correcti
 
 
 def leg_pieces(leg: Leg, profile: Profile, cycle_fraction: float) -> tuple[Floats, Ints]:
-    """Turns since the start of a leg at which each piece of the profile begins, and the numbers of the pieces.
+    """Start of each piece of the profile, in cycles since the start of a leg, and the indices of the pieces.
 
-    An edge that lies on the end of a cycle to within round-off is moved there.
+    An edge that coincides with the end of a cycle up to round-off is moved there.
 
     Parameters
     ----------
     leg : direction of the sweep.
     profile : level over frequency.
-    cycle_fraction : of a cycle that is over at the start of the leg.
+    cycle_fraction : completed fraction of a cycle at the start of the leg.
 
     Returns
     -------

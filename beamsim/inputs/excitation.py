@@ -1,4 +1,4 @@
-r"""The signals of an excitation: force or base motion, also random ones.
+r"""Signals of an excitation: force or base motion, deterministic or random.
 
 Harmonic base motions are integrated without drift: an acceleration A sin has d = -A / omega^2 sin. Pulses and steps
 start from d = d' = 0.
@@ -10,10 +10,10 @@ A random input follows from a table of power spectral density,
 
 with independent uniform phases. With fixed amplitudes, :math:`r_k = 1`, every realisation has exactly the given
 density; the sum is Gaussian by the central limit theorem, but its mean square over a period is always the same. With
-random ones, :math:`r_k^2` exponentially distributed with unit mean, the sum is a Gaussian process: its mean square over
-a period T has the relative variance :math:`\int S^2 df / (T (\int S df)^2)` (S. O. Rice, Bell System Technical
-Journal 23, 1944). Of a clipped input the samples are cut off at a number of standard deviations; what that adds below
-the band is taken away.
+:math:`r_k^2` exponentially distributed with unit mean, the sum is a Gaussian process, and the mean square over a period
+T has the relative variance :math:`\int S^2 df / (T (\int S df)^2)` (S. O. Rice, Bell System Technical Journal 23,
+1944). Samples of a clipped input are limited to a number of standard deviations; the resulting content below the band
+is removed.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import amplitude_unit, power_of, shares_of_seeds
 from beamsim.typing import Complexes, Floats, Ints
 
-MOST_RAMPED = 50_000_000  # samples of a random input that rises
+MOST_RAMPED = 50_000_000  # samples of a random input with a ramp
 
-SAMPLES_OF_CYCLE = 20  # of the highest frequency of a random input
-CLIPPINGS = 8  # of a record, with what lies below its band taken away in between
+SAMPLES_OF_CYCLE = 20  # samples per cycle of the highest frequency of a random input
+CLIPPINGS = 8  # repetitions of clipping a record and removing the content below its band
 MOST_UNROUNDED_SAMPLES = (
-    4_000_000  # of a period; more are rounded up, as else the transform may need several times the memory
+    4_000_000  # samples of a period; larger numbers are rounded up to fast transform lengths, which need less memory
 )
 
 
@@ -66,15 +66,15 @@ def _spectrum(density: SpectralDensity, period: float, count: int, seed: int | s
 
 
 def _clip_record(amplitude: Complexes, count: int, limit: float) -> Complexes:
-    """Amplitudes of the sines of a record whose samples are clipped, without what lies below its lowest sine.
+    """Amplitudes of a record after clipping its samples, without content below its lowest sine.
 
-    A base would drift with what clipping adds below the band. Taking it away moves samples beyond the limit again, so
-    both are done in turn; each is a projection on a convex set, and what is left beyond the limit falls quickly.
+    Clipping adds content below the band, with which a base would drift. Removing it moves samples beyond the limit
+    again, so both steps alternate; each is a projection on a convex set, and the excess decreases quickly.
 
     Parameters
     ----------
-    amplitude : (count // 2 + 1,) of the record.
-    count : samples of a period.
+    amplitude : (count // 2 + 1,) amplitudes of the record.
+    count : number of samples per period.
     limit : largest magnitude.
     """
     lowest = int(np.flatnonzero(amplitude)[0])
@@ -90,12 +90,12 @@ def _clip_record(amplitude: Complexes, count: int, limit: float) -> Complexes:
 def random_signals(
     excitation: RandomInput, duration: float | None, folder: Path | None = None
 ) -> tuple[Signal, Signal, Signal]:
-    """The noise as a smooth piecewise cubic over the run, and its integrals; it does not depend on where the run ends.
+    """Random input as a smooth piecewise cubic, with its integrals; it does not depend on the end of the run.
 
-    A base that it moves does not drift. The displacement starts at that of the integrated sines, or at 0 with a ramp,
-    and the velocity at the value with which the displacement of the piecewise cubic, which is not that of the sines,
-    has no mean slope over a period, after a ramp. From one period to another the displacement then changes by round-off
-    alone: by less than 1e-14 n^2 of its rms in n cycles of the lowest frequency, 1e-6 in 10,000 cycles.
+    A base motion does not drift. The displacement starts at that of the integrated sines, or at 0 with a ramp. The
+    initial velocity makes the mean slope of the displacement over a period zero, after a ramp. The displacement then
+    changes from period to period only by round-off: less than 1e-14 n^2 of its rms in n cycles of the lowest frequency,
+    1e-6 in 10,000 cycles.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def random_signals(
     Returns
     -------
     tuple
-        The noise in SI units and its first and second integral over time.
+        The input in SI units, and its first and second integrals over time.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def random_signals(
     """
     density = density_of(excitation, folder)
     period = excitation.period or duration or 1.0
-    if excitation.period is not None or duration is not None:  # else nothing is simulated
+    if excitation.period is not None or duration is not None:  # otherwise nothing is simulated
         density.demand_resolved(period, "run.duration" if excitation.period is None else "excitation.period")
     rate = excitation.sample_rate or SAMPLES_OF_CYCLE * density.highest_hz
     total = duration if duration is not None else period
@@ -142,7 +142,9 @@ def random_signals(
     if excitation.ramp > MOST_RAMPED * step:
         message = f"= {excitation.ramp:g} s has {excitation.ramp / step:.2g} samples (at most {MOST_RAMPED:.0e})"
         raise ScenarioError.at("excitation.ramp", message, "give a shorter ramp")
-    repeats = int(np.ceil(excitation.ramp / step)) + MARGIN if excitation.ramp > 0 else 0  # sample, from which on
+    repeats = (
+        int(np.ceil(excitation.ramp / step)) + MARGIN if excitation.ramp > 0 else 0
+    )  # index of the first sample after the ramp
     begun_at_rest = CubicRecord(samples_at, step, repeats + count, (0.0, 0.0), limit)
     velocity_0 = -begun_at_rest.mean_slope(repeats)
     record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0), limit)
@@ -153,12 +155,12 @@ MOST_SAMPLES_OF_PERIOD, MOST_SAMPLES_OF_MOTION = 50_000_000, 1_000_000_000  # sa
 
 
 def _count_of_samples(period: float, total: float, rate: float) -> int:
-    """Number of samples of a period, s, of noise that lasts for a total time, s, at a rate, Hz.
+    """Number of samples in a period, s, of a random input of a total duration, s, at a sample rate, Hz.
 
     Raises
     ------
     ScenarioError
-        If they are too many.
+        If there are too many.
     """
     for samples, most, remedy in (
         (period * rate, MOST_SAMPLES_OF_PERIOD, "give a shorter excitation.period, after which the noise repeats"),
@@ -175,7 +177,7 @@ def _count_of_samples(period: float, total: float, rate: float) -> int:
 
 
 def _statement(excitation: RandomInput, duration: float | None, folder: Path | None) -> InputStatement:
-    """Size and sampling of a random input; arguments are those of `random_signals`."""
+    """Size and sampling of a random input; the arguments are those of `random_signals`."""
     density = density_of(excitation, folder)
     rms, clip = density.rms, excitation.clip
     clipped_rms = rms * clipped_mean_square(clip) ** 0.5
@@ -192,7 +194,7 @@ def _statement(excitation: RandomInput, duration: float | None, folder: Path | N
 
 
 class PrescribedInput(NamedTuple):
-    """A prescribed quantity in time, and what a result says of it."""
+    """A prescribed quantity in time, with its description for results."""
 
     signal: Signal  # SI
     account: InputAccount
@@ -200,24 +202,24 @@ class PrescribedInput(NamedTuple):
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Acceleration, velocity and displacement of the base: exact derivatives of one another."""
+    """Acceleration, velocity and displacement of the base; exact derivatives of each other."""
 
     acceleration: Signal  # m/s^2
     velocity: Signal  # m/s
     displacement: Signal  # m
-    corrections: tuple[Correction, ...] | None = None  # of a swept sine, where its velocity would jump
+    corrections: tuple[Correction, ...] | None = None  # for a swept sine, corrections of jumps of its velocity
     account: InputAccount = field(default_factory=InputAccount)
 
 
 def step(level: float, rise: float, fall_after: float | None, time: float) -> Signal:
-    """0 before `time`, then up to `level` as (1 - cos) / 2, and in the same way back.
+    """0 before `time`, then rising to `level` as (1 - cos) / 2, and optionally falling in the same way.
 
     Parameters
     ----------
     level : in SI units.
-    rise : s, 0 of a step at once.
-    fall_after : s, from ``time`` to where it begins to fall; None where the level stays.
-    time : s, when it begins.
+    rise : rise time, s; 0 for a sudden step.
+    fall_after : s, from ``time`` to the start of the fall; None if the level stays.
+    time : start, s.
 
     Returns
     -------
@@ -235,7 +237,7 @@ def step(level: float, rise: float, fall_after: float | None, time: float) -> Si
 
 
 def linear_pieces(time: float, *pieces: tuple[float, float, float]) -> Signal:
-    """A pulse of (duration, value at the begin, value at the end) each, from ``time`` on; 0 before and after."""
+    """A pulse from pieces (duration, first value, last value), starting at ``time``; 0 before and after."""
     pieces = tuple(piece for piece in pieces if piece[0] > 0)
     before = [(time, 0.0, 0.0)] if time > 0 else []
     start = np.cumsum([0.0, *(piece[0] for piece in (*before, *pieces))])
@@ -249,7 +251,7 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
     Parameters
     ----------
     level : peak, in SI units.
-    duration, time : s, of the pulse, and when it begins.
+    duration, time : duration of the pulse and its start, s.
 
     Returns
     -------
@@ -265,7 +267,7 @@ def half_sine(level: float, duration: float, time: float) -> Signal:
 def sweep_windows(
     excitation: SweptSineInput, duration: float | None
 ) -> tuple[SweepWindows, tuple[Correction, ...] | None]:
-    """The windows of a swept sine up to a duration in s, and the corrections of the acceleration of a motion.
+    """The windows of a swept sine up to a duration, s, and the corrections of the base acceleration.
 
     Raises
     ------
@@ -278,7 +280,7 @@ def sweep_windows(
     phase = excitation.phase + phase_of_acceleration(quantity, level, excitation.profile)
     leg = make_leg(excitation.from_, excitation.to, excitation.rate)
     moves = excitation.level_quantities in (TRANSLATION_TAKES, ROTATION_TAKES)  # the base, a support or a stop
-    corrections = jumps([leg], profile, phase) if moves else None  # whatever part of the sweep is run
+    corrections = jumps([leg], profile, phase) if moves else None  # independent of the duration of the run
     if duration is not None:
         if duration > leg.duration * (1 + 1e-9):
             raise ScenarioError.at(
@@ -303,9 +305,9 @@ def level_signal(
 
     Parameters
     ----------
-    excitation : of the scenario.
-    duration : s, of the run, which an input in time must cover; by default all of it.
-    folder : of the scenario, to which the paths of files are relative.
+    excitation : section of the scenario.
+    duration : duration of the run, s, which a time signal must cover; by default that of the signal.
+    folder : folder of the scenario, base of relative paths.
 
     Returns
     -------
@@ -327,7 +329,7 @@ def level_signal(
 
 
 def _level_in_time(excitation: Any, duration: float | None, folder: Path | None) -> PrescribedInput:
-    """The prescribed quantity of what is no sum of sines: a sweep, a record, a step or a shock."""
+    """The prescribed quantity of excitations other than sums of sines."""
     if excitation.kind == "swept_sine":
         return PrescribedInput(swept_signals(sweep_windows(excitation, duration)[0])[0], InputAccount())
     if excitation.kind == "sampled":
@@ -343,7 +345,7 @@ def _level_in_time(excitation: Any, duration: float | None, folder: Path | None)
 
 
 def _pulse(excitation: Any) -> Signal:
-    """A step or shock."""
+    """The signal of a step or shock."""
     level = excitation.level
     if excitation.kind == "step":
         rise, duration = excitation.rise or 0.0, excitation.duration
@@ -358,7 +360,7 @@ def _pulse(excitation: Any) -> Signal:
 
 
 def _motion_in_pieces(excitation: SingleExcitation, duration: float | None, folder: Path | None) -> BaseMotion:
-    """Of a swept sine and of a random input, whose motions are made together; see `base_motion`."""
+    """Motion for a swept sine or a random input, with integrals that are made together; see `base_motion`."""
     if excitation.kind == "swept_sine":
         windows, corrections = sweep_windows(excitation, duration)
         acceleration, velocity, displacement = swept_signals(windows)
@@ -371,7 +373,7 @@ def _motion_in_pieces(excitation: SingleExcitation, duration: float | None, fold
 def base_motion(excitation: SingleExcitation, duration: float | None = None, folder: Path | None = None) -> BaseMotion:
     """Motion of the base from the prescribed quantity.
 
-    What would need an infinite acceleration, as a step of displacement that jumps, the scenario does not accept.
+    The scenario refuses inputs with infinite acceleration, such as a sudden step of the displacement.
 
     Parameters
     ----------
@@ -380,7 +382,7 @@ def base_motion(excitation: SingleExcitation, duration: float | None = None, fol
     Returns
     -------
     BaseMotion
-        Harmonics have no mean; what begins in the run begins at rest.
+        Harmonic motions have zero mean; a motion that begins during the run starts at rest.
 
     Raises
     ------
@@ -405,7 +407,7 @@ def base_motion(excitation: SingleExcitation, duration: float | None = None, fol
 
 
 def highest_excited_hz(scenario: Scenario) -> float:
-    """Highest frequency of the excitation, Hz, also where a curve in a file says it.
+    """Highest frequency of the excitation, Hz, also for a curve in a file.
 
     Raises
     ------
@@ -420,7 +422,7 @@ def highest_excited_hz(scenario: Scenario) -> float:
 
 
 def _highest_of_curve(scenario: Scenario, path: Keys, excitation: MatchedInput | RandomInput) -> float:
-    """Highest frequency, Hz, of the curve of an input at a path, 0 where the scenario holds its points."""
+    """Highest frequency, Hz, of the curve in a file at a path; 0 if the scenario contains the points."""
     with prefix_problems("excitation", path_text(path)):
         if isinstance(excitation, MatchedInput):
             return float(target_curve(excitation, scenario.folder_of(*path, "srs", "file"))[0][-1])

@@ -1,14 +1,14 @@
-r"""A time history of the base whose shock response spectrum is a given curve.
+r"""A base acceleration record with a given shock response spectrum.
 
 The record is a sum of wavelets (D. O. Smallwood, Shock and Vibration Bulletin 44, 1974), each a few half cycles of one
 frequency f under half a cycle of a sine,
 
 .. math:: w(t) = \sin(2 \pi f t / N)\, \sin(2 \pi f t), \qquad 0 \le t \le N / (2 f), \quad N \ge 3 \text{ odd},
 
-which leave neither velocity nor displacement. There is a frequency every sixth of an octave; times and signs are
-random numbers of a seed. The amplitudes are scaled by the ratio of the curve to the spectrum of the record, a mean
-over a sixth of an octave, until it is close enough; the best of a few arrangements is taken. Spectra are the peaks of
-absolute accelerations by the ramp-invariant filter of ISO 18431-4, during the record and after it.
+which end with zero velocity and displacement. There is a frequency every sixth of an octave; times and signs are
+random. The amplitudes are repeatedly scaled by the ratio of the curve to the spectrum of the record, averaged over a
+sixth of an octave, until the spectrum is close enough; the best of a few random arrangements is used. Spectra are peaks
+of absolute accelerations, computed by the ramp-invariant filter of ISO 18431-4 during the record and after it.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from beamsim.inputs.signal import Signal
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.typing import Floats
 
-PER_OCTAVE = 6  # wavelets; spectra are looked at between them, too
+PER_OCTAVE = 6  # wavelets per octave; spectra are checked between them, too
 MOST_HALF_CYCLES = 15
-FILLED_SHARE = 0.5  # of the record by the wavelets of each frequency
+FILLED_SHARE = 0.5  # share of the record covered by the wavelets of each frequency
 ARRANGEMENTS, STEPS, GAIN = 4, 15, 0.8
-TOLERANCE_DB = 1.0  # of the curve: then no further arrangement is tried
+TOLERANCE_DB = 1.0  # deviation from the curve at which no further arrangement is tried
 
 
 def matched_signal(excitation: MatchedInput, folder: Path | None = None) -> Signal:
-    """The acceleration of the base, m/s^2: a cubic spline of samples, zero after it.
+    """Base acceleration, m/s^2: a cubic spline of samples, zero after the record.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def _record(
 
 
 def _wavelets(time: Floats, frequency_hz: float, generator: np.random.Generator) -> Floats:
-    """(nt,) wavelets of one frequency and of unit amplitude, one in each part of the record."""
+    """(nt,) wavelets of one frequency with unit amplitude, one in each part of the record."""
     end = float(time[-1])
     half_cycles = min((int(2.0 * frequency_hz * end * (1.0 + 1e-9)) - 1) // 2 * 2 + 1, MOST_HALF_CYCLES)
     length = half_cycles / (2.0 * frequency_hz)
@@ -85,7 +85,7 @@ def _wavelets(time: Floats, frequency_hz: float, generator: np.random.Generator)
 
 
 def _peaks(samples: Floats, step: float, frequency: Floats, quality: float) -> Floats:
-    """(nf,) maximax of the absolute acceleration of oscillators; free motion is followed for one of the slowest."""
+    """(nf,) maximax absolute acceleration of oscillators, including one free period of the slowest."""
     from scipy.signal import lfilter
 
     record = np.append(samples, np.zeros(int(np.ceil(1.0 / (frequency[0] * step)))))
@@ -101,7 +101,7 @@ def _peaks(samples: Floats, step: float, frequency: Floats, quality: float) -> F
 
 
 def _at_rest_after(time: Floats, samples: Floats) -> Floats:
-    """The samples without the velocity and displacement that the spline through them leaves, some 1e-5 of them."""
+    """Samples with the remaining velocity and displacement at the end removed (about 1e-5 of the values)."""
     turned = np.pi * time / time[-1]
     pulses = np.stack([np.sin(turned) ** 4, np.sin(turned) ** 4 * np.cos(turned), samples])
     left = []

@@ -1,4 +1,4 @@
-"""Measured inputs: samples from a file as piecewise polynomials, and the level of a sweep from a table."""
+"""Measured inputs: files of samples as piecewise polynomials, and sweep levels from tables."""
 
 from __future__ import annotations
 
@@ -46,23 +46,23 @@ from beamsim.typing import TINY, Floats
 FEWEST_HALF_CYCLES, SAMPLES_A_CYCLE = (
     3,
     20,
-)  # of the lowest and highest frequency of a spectrum, in a record made for it
-MOST_SAMPLES = 500_000  # of such a record, which take minutes
+)  # cycles of the lowest frequency, and samples per cycle of the highest, in a record for a shock response spectrum
+MOST_SAMPLES = 500_000  # samples of such a record, which take minutes
 
 
 def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
-    """Interpolation of samples; constant after the last one.
+    """Interpolate samples; the last value is held.
 
     Parameters
     ----------
     time : (n,) s, increasing.
-    samples : (n,) there.
+    samples : (n,) values at these times.
     kind : ``linear``, or ``cubic`` for a spline.
 
     Returns
     -------
     Signal
-        Of a piece between each two samples, and one after the last.
+        With one piece between two samples, and one after the last.
     """
     if kind == "linear" or time.size < 4:
         slope = np.diff(samples) / np.diff(time)
@@ -79,18 +79,18 @@ def interpolate(time: Floats, samples: Floats, kind: str) -> Signal:
 def sampled_signal(
     excitation: SampledInput, duration: float | None, folder: Path | None = None
 ) -> tuple[Signal, InputAccount]:
-    """The samples as a signal from t = 0 on.
+    """The samples of an input as a signal from t = 0 on.
 
     Parameters
     ----------
-    excitation : of the scenario.
-    duration : s, of the run; by default of the samples.
-    folder : to which the path of the file is relative, by default the current one.
+    excitation : section of the scenario.
+    duration : duration of the run, s; by default that of the samples.
+    folder : base folder of the path; by default the current one.
 
     Returns
     -------
     tuple
-        The signal in SI units, and what a result says of it.
+        The signal in SI units, and its description for results.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def sampled_signal(
             f"= {excitation.file} ends after {time[-1]:g} s, before run.duration = {duration:g} s",
             f"run for at most {time[-1]:g} s",
         )
-    # the whole record is interpolated: the input must not depend on where the run ends
+    # the whole record is interpolated: the input must not depend on the duration of the run
     pieces = time.size if duration is None else int(np.searchsorted(time, duration, side="left")) + 1
     if pieces > MOST_PIECES:
         _reject(
@@ -122,23 +122,23 @@ def sampled_signal(
 
 
 def read_record(excitation: SampledInput, folder: Path | None = None) -> MeasuredSignal:
-    """The record of a sampled input, checked and prepared as the scenario says.
+    """Read the record of a sampled input, and check and prepare it as the scenario requires.
 
     Parameters
     ----------
-    excitation : of the scenario.
-    folder : to which the path of the file is relative, else the current one.
+    excitation : section of the scenario.
+    folder : base folder of the path; by default the current one.
 
     Returns
     -------
     MeasuredSignal
-        In SI units, with what was done to it and what is doubtful about it.
+        In SI units, with a description of its treatment and with warnings.
 
     Raises
     ------
     ScenarioError
-        For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps, a filter
-        that does not suit the record, and where neither the file nor the excitation states a unit.
+        For a missing or unreadable file, values that are not finite, a time axis that does not increase, gaps, an
+        unsuitable filter, or a missing unit.
     """
     path = find_file(excitation.file, folder)
     try:
@@ -158,7 +158,7 @@ def read_record(excitation: SampledInput, folder: Path | None = None) -> Measure
 
 
 def _demand_no_gaps(signal: MeasuredSignal, excitation: SampledInput) -> None:
-    """Refuse a record in which samples are missing."""
+    """Refuse a record with missing samples."""
     time = signal.x
     step = np.diff(time)
     median = float(np.median(step))
@@ -173,7 +173,7 @@ def _demand_no_gaps(signal: MeasuredSignal, excitation: SampledInput) -> None:
 
 
 def _select_times(signals: list[MeasuredSignal], excitation: SampledInput) -> MeasuredSignal:
-    """The values over the times that are asked for."""
+    """The values, with the requested time axis."""
     time = None if excitation.time_column is None else column_named(signals, excitation.time_column)
     signal = _values(signals, time, excitation)
     if excitation.sample_rate is not None:
@@ -195,15 +195,15 @@ def _select_times(signals: list[MeasuredSignal], excitation: SampledInput) -> Me
 
 
 def _values(signals: list[MeasuredSignal], time: MeasuredSignal | None, excitation: SampledInput) -> MeasuredSignal:
-    """The column of values: the one that is named, else the only one that can be meant."""
+    """The requested column of values, or the only possible one."""
     if excitation.column is not None:
         signal = column_named(signals, excitation.column)
         if signal is time or (not signal.axis and axis_kind(signal.name)):
             raise InputFileError(f"has the axis {signal.name}, not values", "name another column in excitation.column")
         return signal
-    if time is not None:  # of a file with several axes those on this one
+    if time is not None:  # in a file with several axes, the values on this one
         signals = [signal for signal in signals if signal.axis == time.name] or signals
-    if excitation.sample_rate is not None or time is not None:  # a first column that is no time can be meant too
+    if excitation.sample_rate is not None or time is not None:  # the first column may then contain values
         signals = [replace(signal, axis="") if signal is not time else signal for signal in signals]
     return only_column(
         signals, LEVEL_DIMENSIONS[excitation.quantity], key="excitation.column", axis=time,
@@ -212,7 +212,7 @@ def _values(signals: list[MeasuredSignal], time: MeasuredSignal | None, excitati
 
 
 def _other_quantity(unit: str, quantities: Sequence[str]) -> str:
-    """How to say that values in this unit of the file are another quantity than the first of those that can act."""
+    """The remedy for values in a unit of another quantity than expected."""
     for quantity in quantities[1:]:
         with suppress(UnitError):
             size_of(unit, LEVEL_DIMENSIONS[quantity])
@@ -221,7 +221,7 @@ def _other_quantity(unit: str, quantities: Sequence[str]) -> str:
 
 
 def _in_si(signal: MeasuredSignal, excitation: SampledInput) -> MeasuredSignal:
-    """The values in SI units over times in s; asks for each unit that neither the file nor the scenario states."""
+    """Convert the values to SI units over times in s; a unit must be given in the file or the scenario."""
     problems: list[Problem] = []
     try:
         dimension = LEVEL_DIMENSIONS[excitation.quantity or "acceleration"]
@@ -244,22 +244,22 @@ def _reject(message: str, remedy: str, key: str = "excitation.file") -> NoReturn
 
 
 def read_profile(table: CurveFile, folder: Path, quantities: tuple[str, ...]) -> tuple[ProfilePoint, ...]:
-    """The points of a table of levels over frequency.
+    """Read a table of levels over frequency.
 
     Parameters
     ----------
-    table, folder : the file, and where its path begins.
-    quantities : quantities that the levels may be of; levels that multiply several forces have none, and no unit.
+    table, folder : the file, and the base folder of its path.
+    quantities : allowed quantities of the levels; empty if they are factors of several forces.
 
     Returns
     -------
     tuple
-        Points in SI units by increasing frequency.
+        Points in SI units, by increasing frequency.
 
     Raises
     ------
     ScenarioError
-        If the file cannot be read, has no unit of the levels, or is no table of increasing positive frequencies.
+        If the file cannot be read, has no unit of the levels, or does not contain increasing positive frequencies.
     """
     dimensions = {name: LEVEL_DIMENSIONS[name] for name in quantities if name in LEVEL_DIMENSIONS}
     frequency, level, quantity = _read_table(table, folder, "sweep.profile_file", dimensions)
@@ -270,24 +270,24 @@ def read_profile(table: CurveFile, folder: Path, quantities: tuple[str, ...]) ->
 
 
 def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequency: Floats) -> Floats | None:
-    """A limit over frequency, straight between its points on logarithmic axes; the lower value at a step.
+    """A limit over frequency, with log-log interpolation between its points; at a step the lower value.
 
     Parameters
     ----------
     scenario : with or without limits.
-    limit, place : ``srs``, ``psd`` or ``response``, and of which probe, snubber or input.
-    quantity : of the values that it limits; a curve of another quantity is that of another signal of the place.
+    limit, place : ``srs``, ``psd`` or ``response``, and the name of the probe, snubber or input.
+    quantity : quantity of the limited values; a curve for another quantity is ignored.
     frequency : (nf,) Hz.
 
     Returns
     -------
     (nf,) array or None
-        In SI units, nan where the curve is not given; None where there is none.
+        In SI units, nan outside the curve; None if there is no limit.
 
     Raises
     ------
     ScenarioError
-        If it is a file that cannot be read, or no table of frequencies and limits.
+        If its file cannot be read, or does not contain frequencies and limits.
     """
     points, at = (getattr(scenario.limits, limit, None) or {}).get(place), ("limits", limit, place)
     if points is None:
@@ -306,18 +306,18 @@ def limit_curve(scenario: Scenario, limit: str, place: str, quantity: str, frequ
 def on_curve(
     frequency: Floats | float, curve_frequency: Floats, curve_value: Floats, log_outside: float | None = None
 ) -> Floats:
-    """A curve at frequencies, straight between its points on logarithmic axes.
+    """Interpolate a curve on logarithmic axes.
 
     Parameters
     ----------
     frequency : (nf,) Hz.
     curve_frequency, curve_value : (n,) frequencies, Hz, and positive values of its points.
-    log_outside : logarithm of the value before the first point and behind the last; by default theirs.
+    log_outside : logarithm of the value outside the points; by default that of the nearest point.
 
     Returns
     -------
     (nf,) array
-        In the unit of the level.
+        In the unit of the curve.
     """
     return np.asarray(
         np.exp(np.interp(np.log(frequency), np.log(curve_frequency), np.log(curve_value), log_outside, log_outside))
@@ -332,20 +332,20 @@ def read_curve(
     *,
     steps: bool = False,
 ) -> tuple[Floats, Floats, str | None]:
-    """Frequencies, Hz, and values in SI units of a curve, and the quantity of the values, where it is stated.
+    """Frequencies, Hz, and values in SI units of a curve, and the quantity of the values if a unit gives it.
 
     Parameters
     ----------
-    curve : points, or the text file with them.
-    folder : where its path begins.
-    path : path of the key.
-    dimensions : what the values may be, by quantity.
-    steps : whether two points within a file may have one frequency.
+    curve : points, or the text file with the points.
+    folder : base folder of the path.
+    path : path of the key, for messages.
+    dimensions : allowed dimensions of the values, by quantity.
+    steps : whether two points may have the same frequency.
 
     Raises
     ------
     ScenarioError
-        If it is a file that cannot be read, or no table of frequencies and values.
+        If its file cannot be read, or does not contain frequencies and values.
     """
     if isinstance(curve, CurveFile):
         return _read_table(curve, folder, path_text(path), dimensions, steps=steps)
@@ -354,12 +354,12 @@ def read_curve(
 
 
 def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[Floats, Floats]:
-    """Frequencies, Hz, and accelerations, m/s^2, of the curve; a file is looked for in a folder, else the current one.
+    """Frequencies, Hz, and accelerations, m/s^2, of the required spectrum; ``folder`` is the base of a relative path.
 
     Raises
     ------
     ScenarioError
-        If it is a file that cannot be read, or the record is too short for its lowest frequency.
+        If its file cannot be read, or the record is too short for its lowest frequency.
     """
     known = {ACCELERATION.name: ACCELERATION}
     frequency, level, _ = read_curve(excitation.srs, folder or Path(), ("excitation", "srs"), known)
@@ -375,22 +375,22 @@ def target_curve(excitation: MatchedInput, folder: Path | None = None) -> tuple[
 
 
 def read_density(excitation: RandomInput, table: CurveFile, folder: Path | None = None) -> tuple[Floats, Floats]:
-    """The density of a random input from a file.
+    """Read the density of a random input from a file.
 
     Parameters
     ----------
     excitation, table : the input, and the file with its density.
-    folder : to which its path is relative, by default the current one.
+    folder : base folder of the path; by default the current one.
 
     Returns
     -------
     tuple
-        Frequencies (p,), Hz, two equal ones at a step, and densities (p,), SI.
+        Frequencies (p,), Hz, with two equal ones at a step, and densities (p,), SI.
 
     Raises
     ------
     ScenarioError
-        If the file cannot be read, or is no table of frequencies and positive densities of that quantity.
+        If the file cannot be read, or does not contain frequencies and positive densities of this quantity.
     """
     dimensions: dict[str, Dimension] = {excitation.quantity: DENSITY_DIMENSIONS[excitation.quantity]}
     folder = folder or Path()
@@ -406,12 +406,12 @@ def read_density(excitation: RandomInput, table: CurveFile, folder: Path | None 
 
 
 def _read_function(table: CurveFile, folder: Path, dimension: Dimension) -> tuple[Floats, Floats]:
-    """Frequencies, Hz, and densities, SI, of the only density in a file of an analyser, without its mean at 0 Hz.
+    """Frequencies, Hz, and densities, SI, of the only density in an analyser file, without the value at 0 Hz.
 
     Parameters
     ----------
-    table, folder : the file, and where its path begins.
-    dimension : of the density.
+    table, folder : the file, and the base folder of its path.
+    dimension : dimension of the density.
     """
     file = table.file
     try:
@@ -442,10 +442,10 @@ def _read_table(
 
     Parameters
     ----------
-    table, folder : the file, and where its path begins.
-    key : the key that names it.
-    dimensions : what the levels may be, by quantity; levels that may be nothing have no unit.
-    steps : whether two rows within the table may have one frequency.
+    table, folder : the file, and the base folder of its path.
+    key : key that names the file.
+    dimensions : allowed dimensions of the levels, by quantity; empty for levels without unit.
+    steps : whether two rows may have the same frequency.
     """
     file = table.file
     try:
@@ -460,7 +460,7 @@ def _read_table(
     if not (np.all(np.isfinite(frequency)) and np.all(np.isfinite(level)) and frequency[0] > 0):
         _reject(f"= {file} has frequencies or levels that are not positive numbers", "correct the table", key)
     rising = np.diff(frequency) > 0
-    if steps and rising.size > 2:  # one that stands between two lines
+    if steps and rising.size > 2:  # a step between two lines
         rising[1:-1] |= (np.diff(frequency)[1:-1] == 0) & rising[:-2] & rising[2:]
     if not rising.all():
         row = int(np.flatnonzero(~rising)[0]) + 2
@@ -475,14 +475,14 @@ def _read_table(
 def _levels(
     signals: list[MeasuredSignal], table: CurveFile, key: str, dimensions: Mapping[str, Dimension]
 ) -> tuple[MeasuredSignal, float, str | None]:
-    """The column of levels along its frequencies, the SI value of one of its unit, and the quantity of the levels.
+    """The column of levels over frequency, the SI value of its unit, and the quantity of the levels.
 
     Raises
     ------
     InputFileError
         If there is no such column, or several, or it has no unit.
     UnitError
-        If the unit is none of the dimensions.
+        If the unit has none of the dimensions.
     """
     if len(signals) < 2:
         raise InputFileError("has one column", "give a frequency and a level in each row, with their units above")

@@ -1,4 +1,4 @@
-"""Sweeps: frequency, phase and time of a leg, and the level over frequency, as in a test specification.
+"""Sweeps: frequency, phase and time of a leg, and the level over frequency as in a test specification.
 
 Between two break frequencies the level is a power of the frequency, :math:`A(f) = A_p (f/f_p)^{s_p}`. For a base
 acceleration, s = 0 is constant acceleration, s = 1 constant velocity and s = 2 constant displacement; log-log
@@ -40,17 +40,17 @@ class Leg:
 
     @property
     def cycles(self) -> float:
-        """Number of cycles, in general not whole."""
+        """Number of cycles, in general not an integer."""
         return float(self.turns(np.array(self.last_hz)))
 
     def turns(self, frequency_hz: Floats) -> Floats:
-        """Cycles from the start of the leg to a frequency."""
+        """Number of cycles from the start of the leg to a frequency."""
         if self.logarithmic:
             return np.asarray((frequency_hz - self.first_hz) / self.signed_rate)
         return np.asarray((frequency_hz - self.first_hz) * (frequency_hz + self.first_hz) / (2 * self.signed_rate))
 
     def frequency(self, turns: Floats) -> Floats:
-        """The inverse of `turns`, Hz."""
+        """Frequency, Hz, after a number of cycles."""
         if self.logarithmic:
             return np.asarray(self.first_hz + self.signed_rate * turns)
         return np.sqrt(np.maximum(self.first_hz**2 + 2 * self.signed_rate * turns, 0.0))
@@ -72,20 +72,20 @@ class Leg:
         return np.asarray(slope / (2 * np.pi * frequency_hz**2))
 
     def time_between(self, first_hz: Floats, turns: Floats) -> Floats:
-        """Time, s, for a number of cycles from a given frequency; without cancellation for small numbers."""
+        """Time, s, for a number of cycles from a given frequency, without cancellation for small numbers."""
         if self.logarithmic:
             return np.asarray(np.log1p(self.signed_rate * turns / first_hz) / self.signed_rate)
         last = np.sqrt(np.maximum(first_hz**2 + 2 * self.signed_rate * turns, 0.0))
         return np.asarray(2 * turns / (first_hz + last))
 
     def turns_after(self, first_hz: Floats, time: Floats) -> Floats:
-        """Cycles during a time from a given frequency."""
+        """Number of cycles during a time from a given frequency."""
         if self.logarithmic:
             return np.asarray(first_hz * np.expm1(self.signed_rate * time) / self.signed_rate)
         return np.asarray(time * (first_hz + 0.5 * self.signed_rate * time))
 
     def time_at(self, turns: Floats) -> Floats:
-        """Time since the start of the leg, s."""
+        """Time, s, from the start of the leg to a number of cycles."""
         return self.time_between(np.full(np.shape(turns), self.first_hz), turns)
 
 
@@ -94,13 +94,13 @@ def make_leg(first_hz: float, last_hz: float, rate: Rate) -> Leg:
 
     Parameters
     ----------
-    first_hz, last_hz : Hz, from and to.
-    rate : of the scenario, in octaves or Hz per second.
+    first_hz, last_hz : first and last frequency, Hz.
+    rate : rate of the scenario, in octaves or Hz per second.
 
     Returns
     -------
     Leg
-        Logarithmic for octaves.
+        Logarithmic for a rate in octaves.
     """
     if rate.unit == "oct/s":
         return Leg(first_hz, last_hz, float(rate.value * np.log(2.0)), True)
@@ -130,14 +130,14 @@ class Profile:
 
     @classmethod
     def from_steps(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
-        """From points (frequency in Hz, level, quantity): each level is constant up to the next point."""
+        """Piecewise constant profile from points (frequency in Hz, level, quantity); each is valid up to the next."""
         edge = np.array([f for f, _, _ in points])
         amplitude = np.array([acceleration_amplitude(level, quantity, f) for f, level, quantity in points])
         return cls(edge, amplitude, np.array([power_of(quantity) for _, _, quantity in points], dtype=float))
 
     @classmethod
     def log_log(cls, points: Sequence[tuple[float, float, str]]) -> Profile:
-        """From the same points by log-log interpolation, constant outside.
+        """Profile with log-log interpolation between points, constant outside.
 
         Every level must be positive.
         """
@@ -174,17 +174,17 @@ class Profile:
         return Profile(self.edge, self.amplitude * factor, self.power)
 
     def with_notch(self, lower_hz: float, upper_hz: float, level: float, quantity: str) -> Profile:
-        """The profile limited to a level between two frequencies.
+        """The profile with a limit between two frequencies.
 
         Parameters
         ----------
         lower_hz, upper_hz : ends of the notch.
-        level : that is not exceeded there, of ``quantity``.
+        level : largest level in the notch, of ``quantity``.
 
         Returns
         -------
         Profile
-            With edges at the ends of the notch, and where the level meets the profile.
+            With edges at the ends of the notch, and at the intersections of limit and profile.
         """
         limit = Profile.constant(level, quantity)
         edge = np.union1d(self.edge, [lower_hz, upper_hz])
@@ -197,7 +197,7 @@ class Profile:
         return Profile(edge, np.where(below, limit(edge), self(edge)), np.where(below, limit.power, self.power[piece]))
 
     def _meets(self, other: Profile, edge: Floats) -> list[float]:
-        """Frequencies at which the profile has the level of one of a single power, which it meets once in a piece."""
+        """Frequencies at which the profile meets another with a single exponent; at most one in each piece."""
         found = []
         for lower, upper in itertools.pairwise(edge):
             piece = int(self.piece(lower))
@@ -216,15 +216,15 @@ def make_profile(
     between: str = "held",
     notches: Sequence[Notch] = (),
 ) -> Profile:
-    """The level over frequency, with its notches.
+    """The level over frequency, with notches.
 
     Parameters
     ----------
-    level : in SI units; with a table a factor of its levels.
-    quantity : of the level, and of points and notches that name none where it is a force.
+    level : level in SI units; with a table, a factor of it.
+    quantity : quantity of the level, and of forces in points and notches that name none.
     points : the table.
-    between : its points, ``held`` or log-log interpolation.
-    notches : ranges with a limit of their own.
+    between : ``held``, or ``log_log`` for log-log interpolation.
+    notches : frequency ranges with a limit.
 
     Returns
     -------
@@ -243,15 +243,15 @@ def make_profile(
 
 
 def phase_of_acceleration(quantity: str, level: float, points: Sequence[ProfilePoint] = ()) -> float:
-    """Phase by which the acceleration leads the prescribed quantity (a sine), rad.
+    """Phase of the acceleration relative to the prescribed quantity (a sine), rad.
 
-    With a table of levels that is the quantity of its first point: a displacement is X sin(phase) however it is given,
-    and the phase of the acceleration runs on through the table.
+    With a table the quantity of its first point counts: a displacement is X sin(phase) in whatever quantity it is
+    given, and the phase of the acceleration is continuous through the table.
 
     Parameters
     ----------
-    quantity, level : as of `make_profile`; a negative level turns the phase.
-    points : the table of levels, where there is one.
+    quantity, level : as for `make_profile`; a negative level reverses the phase.
+    points : the table of levels, if there is one.
 
     Returns
     -------

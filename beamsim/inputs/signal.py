@@ -1,19 +1,19 @@
-r"""Signals whose pieces are polynomials times exponentials, the inputs that the closed-form flow accepts.
+r"""Signals with pieces that are polynomials times exponentials, as the closed-form flow requires.
 
 Between two breakpoints a signal is
 
 .. math:: s(t) = \mathrm{Re} \sum_i e^{\nu_i \sigma} \sum_p c_{i,p}\, \sigma^p, \qquad \sigma = t - t_k,
 
-which covers harmonics (:math:`\nu = i\omega`), multi-tone signals, steps, half-sine pulses, and sampled
-signals interpolated by polynomials (:math:`\nu = 0`). The class is closed under differentiation and
-integration, so the base displacement follows exactly from a base acceleration.
+which covers harmonics (:math:`\nu = i\omega`), sums of sines, steps, half-sine pulses, and samples interpolated by
+polynomials (:math:`\nu = 0`). Derivatives and integrals of such signals have the same form, so the base displacement
+follows exactly from the base acceleration.
 
-Pieces of a cubic spline through the samples of a block differ from those of the spline through all samples by what the
-ends of the block add, which falls by 2 - sqrt(3) with each sample; `MARGIN` samples on either side leave round-off.
+A cubic spline through the samples of a block differs from that through all samples by an end effect, which decays by a
+factor of 2 - sqrt(3) per sample; after `MARGIN` samples it is below round-off.
 
-The kernels take all signals of a motion on one set of breakpoints (`Sources`). A *source* is one basis function
-:math:`\tau^p e^{\nu\tau}` of one channel (a load's signal, the base displacement, an observed signal) with a complex
-amplitude that depends on where a segment starts. Source 0 is the constant one, which carries dead loads and gaps.
+The kernels use all signals of a motion on common breakpoints (`Sources`). A *source* is a basis function
+:math:`\tau^p e^{\nu\tau}` of one channel (a load's signal, the base displacement, an observed signal), with a complex
+amplitude that depends on the start of the segment. Source 0 is constant; it represents dead loads and gaps.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from numpy.typing import ArrayLike
 from beamsim.errors import ScenarioError
 from beamsim.typing import Complexes, Floats, Ints
 
-MOST_PIECES = 4_000_000  # of a signal that is made as a whole
-ORDERS = 8  # derivatives of an input that are known: as many as decide how a motion starts, and of its slope
-RESONANCE = 0.02  # |nu - lambda| times a piece, below which the response to an exponential is a power series
-TIMES_PER_BLOCK = 2**17  # at which values are computed together, which bounds the memory
+MOST_PIECES = 4_000_000  # pieces of a signal that is stored completely
+ORDERS = 8  # derivatives of an input: enough to determine how a motion starts, and its slope
+RESONANCE = 0.02  # abs(nu - lambda) times a piece, below which the response to an exponential is a power series
+TIMES_PER_BLOCK = 2**17  # times per block of values, to limit memory
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A piecewise exponential polynomial on [start[0], infinity).
+    """A signal of polynomials times exponentials, piece by piece, on [start[0], infinity).
 
     Parameters
-    ----------
+    start : (P,) start times of the pieces, s, increasing; the last piece never ends.
     start : (P,) increasing times at which a piece begins, s; the last piece never ends.
-    exponent : (E,) complex exponents shared by all pieces, 1/s.
+    coefficient : (P, E, D) complex coefficients of the powers of time since the start of the piece.
     coefficient : (P, E, D) complex coefficients, in powers of the time since the start of the piece.
     """
 
@@ -60,7 +60,7 @@ class Signal:
         Returns
         -------
         Signal
-            Of one piece with k exponents.
+            With one piece and k exponents.
         """
         amplitude, omega, phase = np.broadcast_arrays(
             *(np.atleast_1d(np.asarray(x, dtype=float)) for x in (amplitude, omega, phase))
@@ -70,12 +70,12 @@ class Signal:
 
     @classmethod
     def polynomial_pieces(cls, start: ArrayLike, coefficient: ArrayLike) -> Signal:
-        """Real polynomials, ``coefficient[k, p]`` multiplying ``(t - start[k])**p``."""
+        """Real polynomials: ``coefficient[k, p]`` multiplies ``(t - start[k])**p``."""
         c = np.asarray(coefficient, dtype=complex)
         return cls(np.asarray(start, dtype=float), np.zeros(1, dtype=complex), c[:, None, :])
 
     def __call__(self, t: ArrayLike) -> Floats:
-        """Values at times t (any shape); the first piece also applies before its start."""
+        """Values at times t (any shape); the first piece is extended to earlier times."""
         t = np.asarray(t, dtype=float)
         times, values = t.ravel(), np.empty(t.size)
         for first in range(0, t.size, TIMES_PER_BLOCK):
@@ -90,7 +90,7 @@ class Signal:
     __rmul__ = __mul__
 
     def derivative(self) -> Signal:
-        """The exact time derivative within each piece (jumps between pieces are not represented)."""
+        """The exact time derivative within each piece (without jumps between pieces)."""
         c = self.coefficient
         d = c * self.exponent[None, :, None]
         d[:, :, :-1] += c[:, :, 1:] * np.arange(1, c.shape[2])
@@ -118,7 +118,7 @@ class Signal:
         length = np.diff(self.start)
         grown = Signal(self.start, exponent, out).piece_values(np.arange(length.size), length)  # without the constants
         first = out[:, :, 0].sum(axis=1).real
-        # each piece starts at the value at which the previous one ends
+        # each piece starts at the final value of the one before
         out[:, constant, 0] += initial + np.concatenate([[0.0], np.cumsum(grown - first[:-1])]) - first
         return Signal(self.start, exponent, out)
 
@@ -139,16 +139,16 @@ _CACHED_BLOCKS = 2
 
 
 class CubicRecord:
-    """An evenly sampled record as a cubic spline, with its first two integrals.
+    """A uniformly sampled record as a cubic spline, with its first two integrals.
 
     Parameters
     ----------
-    samples_at : values at sample numbers (n,), from ``-MARGIN`` to ``MARGIN`` behind the last piece.
-    step : s, between two samples.
+    samples_at : function of sample numbers (n,), from ``-MARGIN`` to ``MARGIN`` after the last piece.
+    step : sample interval, s.
     pieces : number of pieces from t = 0 on; the last never ends.
-    integrals_at_0 : values of the first and of the second integral at t = 0.
-    limit : magnitude that the record does not exceed between samples either, if no sample does: its slopes are reduced
-        near it.
+    integrals_at_0 : values of the first and second integral at t = 0.
+    limit : magnitude that the record must not exceed between samples if no sample exceeds it; slopes near it are
+        reduced.
     """
 
     def __init__(
@@ -160,18 +160,18 @@ class CubicRecord:
         limit: float = np.inf,
     ) -> None:
         self.samples_at, self.step, self.pieces, self.limit = samples_at, step, pieces, limit
-        self._at_start = [integrals_at_0]  # of each block that was reached
+        self._at_start = [integrals_at_0]  # integrals at the start of each computed block
         self._at_hand: dict[int, tuple[Signal, Signal, Signal]] = {}
-        self._few: tuple[Floats, Floats] | None = None  # times in many blocks, and the values there
+        self._few: tuple[Floats, Floats] | None = None  # times in many blocks, and their values
 
     def start(self, first: int, last: int) -> Floats:
-        """(last - first,) s, where pieces begin."""
+        """(last - first,) start times of pieces, s."""
         return np.asarray(np.arange(first, last) * self.step, dtype=float)
 
     def _spline(self, first: int, last: int) -> Signal:
         """The record over the sample number.
 
-        The starts of pieces in seconds are rounded, and integrals between them would drift with the square of time.
+        Piece starts in seconds are rounded, and integrals between them would drift with the square of time.
         """
         from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
@@ -179,14 +179,14 @@ class CubicRecord:
         samples = self.samples_at(index)
         spline: PPoly = CubicSpline(index, samples)
         if np.isfinite(self.limit):
-            # a cubic stays between its Bezier points, which lie a third of a step along the slopes at its ends
+            # a cubic stays within its Bezier points, which lie at a third of a step along the end slopes
             steepest = 3.0 * np.maximum(self.limit - np.abs(samples), 0.0)
             spline = CubicHermiteSpline(index, samples, np.clip(spline(index, 1), -steepest, steepest))
         coefficient = spline.c[::-1].T
         return Signal.polynomial_pieces(np.arange(first, last), coefficient[MARGIN : MARGIN + last - first])
 
     def block(self, number: int) -> tuple[Signal, Signal, Signal]:
-        """The record on the pieces of a block, and its integrals; the blocks before are made where they were not."""
+        """The record on the pieces of a block, and its integrals; earlier blocks are computed first if necessary."""
         for before in range(len(self._at_start) - 1, number):
             self._make(before)
         if number not in self._at_hand:
@@ -198,8 +198,8 @@ class CubicRecord:
     def at(self, t: Floats, integral: int) -> Floats:
         """The record, or one of its integrals, at times t (any shape).
 
-        At a few times in many blocks all of them are computed, and kept until other times are asked for, so that the
-        blocks are made once.
+        A few times in many blocks are evaluated for record and integrals together, and stored until other times are
+        requested, so that each block is computed once.
         """
         if self._few is not None and np.array_equal(self._few[0], t):
             return np.asarray(self._few[1][integral])
@@ -238,9 +238,9 @@ class CubicRecord:
 
 
 class StreamedSignal(Signal):
-    """A record (``integral`` 0), or its first or second integral, times a factor.
+    """A record (``integral`` 0) or its first or second integral, times a factor; pieces are computed when needed.
 
-    ``start`` and ``coefficient`` are those of all pieces, made when they are read.
+    ``start`` and ``coefficient`` contain all pieces and are computed when they are read.
     """
 
     def __init__(self, record: CubicRecord, integral: int, factor: float = 1.0) -> None:
@@ -266,7 +266,7 @@ class StreamedSignal(Signal):
         return np.concatenate([part.coefficient for part in self._parts(0, self.record.pieces)])
 
     def signal_of_pieces(self, first: int, last: int) -> Signal:
-        """The pieces with numbers ``first`` to ``last``, the last left out."""
+        """The pieces ``first`` to ``last`` - 1."""
         coefficient = [part.coefficient for part in self._parts(first, last)]
         return Signal(self.record.start(first, last), self.exponent, np.concatenate(coefficient))
 
@@ -298,14 +298,14 @@ class StreamedSignal(Signal):
 
 
 def common_record(signals: tuple[Signal, ...]) -> CubicRecord | None:
-    """The record of which all signals are made; None where they are not, or there is none."""
+    """The record from which all signals are derived; None if there is none, or they differ."""
     records = {id(s.record): s.record for s in signals if isinstance(s, StreamedSignal)}
     streamed = len(records) == 1 and all(isinstance(s, StreamedSignal) for s in signals)
     return next(iter(records.values())) if streamed else None
 
 
 def refuse_many_pieces(signals: Iterable[Signal]) -> None:
-    """Refuse a record that would be made as a whole and has too many pieces for it.
+    """Refuse a record that must be stored completely and has too many pieces.
 
     Raises
     ------
@@ -317,7 +317,7 @@ def refuse_many_pieces(signals: Iterable[Signal]) -> None:
 
 
 def _many_pieces(pieces: int) -> ScenarioError:
-    """That a record has too many pieces to be made as a whole."""
+    """The error of a record with too many pieces."""
     return ScenarioError.at(
         "excitation",
         f"has {pieces:.3g} pieces, too many for this command or method (at most {MOST_PIECES:.0e})",
@@ -328,19 +328,19 @@ def _many_pieces(pieces: int) -> ScenarioError:
 
 @dataclass(frozen=True)
 class Sources:
-    """F sources on P pieces; the amplitudes are about each piece's own start."""
+    """F sources on P pieces; amplitudes refer to the start of each piece."""
 
     start: Floats  # (P,) s
     amplitude: Complexes  # (P, F)
     exponent: Complexes  # (F,) 1/s
     power: Ints  # (F,)
     channel: Ints  # (F,) -1 for the constant source
-    longest_piece: Floats  # (F,) s, on which each source acts; the last one ends with the motion
-    limit: Floats  # (F,) |nu - lambda| times that piece, below which a response is a power series, see `_lower_limits`
-    group_last: Ints  # (F,) number of the last source of the polynomial (same channel and exponent) of each
+    longest_piece: Floats  # (F,) s, longest piece of each source; the last one ends with the motion
+    limit: Floats  # (F,) limit of abs(nu - lambda) times that piece for a power series, see `_lower_limits`
+    group_last: Ints  # (F,) index of the last source with the same channel and exponent
 
     def _of_higher_powers(self, amplitude: Complexes, time_shift: Floats) -> Complexes:
-        """(n, F) what higher powers of time add to the lower ones where times are counted from later, by (n, 1)."""
+        """(n, F) contributions of higher powers of time to lower ones after a time shift (n, 1)."""
         added, last = np.zeros_like(amplitude), self.group_last
         for f in np.flatnonzero(last > np.arange(last.size)):
             factor = np.ones(time_shift.size)
@@ -350,7 +350,7 @@ class Sources:
         return added
 
     def amplitudes_at(self, time: Floats, piece: Ints) -> Complexes:
-        """(n, F) amplitudes in pieces (n,) about times (n,)."""
+        """(n, F) amplitudes in pieces (n,), relative to times (n,)."""
         amplitude, shift = self.amplitude[piece], (time - self.start[piece])[:, None]
         if not np.any(shift):
             return amplitude
@@ -361,20 +361,22 @@ class Sources:
 
     @cached_property
     def derivatives_at_start(self) -> Complexes:
-        """(`ORDERS`, F) derivatives of each input of unit amplitude where its piece starts, from order 0 on."""
+        """(`ORDERS`, F) derivatives of each source with unit amplitude at the start of its piece, from order 0 on."""
         factorial = np.cumprod(np.maximum(np.arange(ORDERS), 1.0))
-        rest = np.arange(ORDERS)[:, None] - self.power  # what is left is the term whose power is differentiated away
+        rest = (
+            np.arange(ORDERS)[:, None] - self.power
+        )  # the remaining term is the one whose power is differentiated to a constant
         scale = factorial[:, None] / factorial[np.maximum(rest, 0)]
         return np.asarray(np.where(rest >= 0, scale * self.exponent ** np.maximum(rest, 0), 0.0))
 
     def has_responses_of(self, others: Sources) -> bool:
-        """Whether responses to these are those to others: they differ in amplitudes and starts of pieces at most."""
+        """Whether responses to these sources equal those to others, up to amplitudes and starts."""
         names = ("exponent", "power", "channel", "longest_piece", "limit")
         return all(np.array_equal(getattr(self, name), getattr(others, name)) for name in names)
 
 
 def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> Sources:
-    """Merge the channels' breakpoints and list their basis functions, for a motion of a duration, s."""
+    """Merge the breakpoints of channels and list their basis functions, for a motion of a duration, s."""
     start = np.unique(np.concatenate([np.zeros(1)] + [c.start for c in channels]))
     start = start[start >= 0.0]
     exponent, power, channel, last = [0j], [0], [-1], [0]
@@ -385,7 +387,7 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
             used = np.flatnonzero(np.any(c[:, i, :] != 0, axis=0))
             if used.size == 0 and nu == 0:
                 continue
-            degree = int(used.max(initial=0))  # a harmonic of amplitude zero stays: there are derivatives by it
+            degree = int(used.max(initial=0))  # a harmonic of amplitude zero stays: derivatives by it are needed
             exponent += [complex(nu)] * (degree + 1)
             power += list(range(degree + 1))
             channel += [index] * (degree + 1)
@@ -394,7 +396,7 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
     amplitude = np.ascontiguousarray(np.concatenate(columns, axis=1))
     length = np.minimum(np.append(start[1:], np.inf), duration) - start
     acts, powers = amplitude != 0, np.array(power, dtype=np.int64)
-    for f in range(powers.size - 2, -1, -1):  # within a piece a power adds to the lower ones of its polynomial
+    for f in range(powers.size - 2, -1, -1):  # within a piece, a power contributes to the lower ones of its polynomial
         if last[f] > f:
             acts[:, f] |= acts[:, f + 1]
     sources = Sources(
@@ -409,11 +411,11 @@ def compile_sources(channels: tuple[Signal, ...], duration: float = np.inf) -> S
 
 
 def _lower_limits(sources: Sources) -> None:
-    """Lower the limits of powers with which a channel hardly changes.
+    """Lower the limits for powers of time that hardly contribute to a channel.
 
-    A response that is a polynomial has terms that cancel by ``p! / (|nu - lambda| tau)^p`` of the share of the power p
-    in its channel. Those of the power series that starts from zero do not while the distance is no larger than
-    ``p + 1``; powers with which a channel hardly changes may be polynomials earlier, by the root of their share.
+    The terms of a polynomial response cancel by ``p! / (|nu - lambda| tau)^p`` of the share of the power p in its
+    channel. A power series that starts from zero does not, up to a distance of ``p + 1``. Powers with a small share may
+    use polynomials at smaller distances, by the root of their share.
     """
     limit = sources.limit
     for first in np.flatnonzero((sources.power == 0) & (sources.group_last > np.arange(limit.size))):
@@ -427,25 +429,25 @@ def _lower_limits(sources: Sources) -> None:
         largest[largest == 0.0] = 1.0
         for f, unit in zip(group[1:], scale[1:], strict=True):
             share = float((unit * np.abs(sources.amplitude[:, f]) / largest).max())
-            # 0.5: ... to an exponential times a power of time, in any case
+            # 0.5: in any case a power series for an exponential times a power of time
             limit[f] = max(limit[f] * share ** (1.0 / sources.power[f]), 0.5)
 
 
 def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, duration: float) -> Sources:
-    """The sources on some of the pieces of a record of which all channels are made, see `common_record`.
+    """The sources on some pieces of a record that all channels share, see `common_record`.
 
-    All but the pieces' starts and amplitudes is that of the whole motion.
+    Only piece starts and amplitudes differ from those of the whole motion.
 
     Parameters
     ----------
-    channels : signals made of the record.
-    first, last : number of the first piece, and of the one after the last.
-    duration : s, of the whole motion.
+    channels : signals derived from the record.
+    first, last : index of the first piece, and of the one after the last.
+    duration : duration of the whole motion, s.
 
     Returns
     -------
     Sources
-        A constant one first, then those of each channel.
+        A constant source first, then those of each channel.
     """
     record = common_record(channels)
     assert record is not None
@@ -453,7 +455,7 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
     degrees = [part.coefficient.shape[2] for part in parts]
     columns = [np.ones((last - first, 1), dtype=complex), *(part.coefficient[:, 0] for part in parts)]
     power = np.concatenate([np.zeros(1, dtype=np.int64), *(np.arange(degree) for degree in degrees)])
-    endless = duration - (record.pieces - 1) * record.step  # s, of the last piece, which ends with the motion
+    endless = duration - (record.pieces - 1) * record.step  # s, length of the last piece, which ends with the motion
     longest = min(max(record.step, endless) + 4.0 * np.finfo(float).eps * duration, duration)  # round-off of the starts
     return Sources(
         record.start(first, last), np.ascontiguousarray(np.concatenate(columns, axis=1)), np.zeros(power.size, complex),
@@ -463,7 +465,7 @@ def sources_of_pieces(channels: tuple[Signal, ...], first: int, last: int, durat
 
 
 def _coefficients_at_starts(signal: Signal, start: Floats) -> Complexes:
-    """Coefficients (P, E, D) of the signal about new piece starts that include its own."""
+    """Coefficients (P, E, D) of the signal at new piece starts, which include its own."""
     k = np.clip(np.searchsorted(signal.start, start, side="right") - 1, 0, None)
     shift = start - signal.start[k]
     c = signal.coefficient[k].copy()

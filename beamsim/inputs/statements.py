@@ -1,4 +1,4 @@
-"""What a result states of records and random inputs: their size, their sampling, and how they were made."""
+"""Descriptions of records and random inputs in results: size, sampling, and treatment."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class InputStatement:
 
 @dataclass(frozen=True)
 class InputAccount:
-    """What a result says of one input: its statement, and warnings about it that follow the path of the excitation."""
+    """What a result reports about one input: its statement, and warnings that are prefixed by the input's path."""
 
     statement: InputStatement | None = None
     warnings: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Swept sines, cut into windows on which they are a polynomial times an exponential.
+"""Swept sines, divided into windows with a polynomial times an exponential each.
 
 The sine is :math:`s(t) = A(f(t)) \\sin\\varphi(t)` with :math:`\\dot\\varphi = 2\\pi f`, where the frequency grows
 exponentially (octaves per minute) or linearly (Hz per second) and A is a `Profile`. On a window, with
@@ -44,9 +44,9 @@ class SweepWindows:
     deviation: Floats  # (W, D + 1) of delta, rad
     frequency_hz: Floats  # (C,) in the middle of each cycle of the sweep
     cycle_leg: Ints  # (C,)
-    complete: bool  # whether the last cycle is whole
-    truncation: float  # largest bound on the truncation of the polynomials, over the amplitude
-    displacement: Complexes | None = None  # (W, D + 1) of a base, without drift; None for a force
+    complete: bool  # whether the last cycle is complete
+    truncation: float  # largest bound on the truncation error of the polynomials, relative to the amplitude
+    displacement: Complexes | None = None  # (W, D + 1) displacement of a base, without drift; None for a force
 
     @property
     def count(self) -> int:
@@ -65,11 +65,11 @@ class SweepWindows:
 
     @cached_property
     def edge(self) -> Floats:
-        """Where the cycles begin, s, and the end."""
+        """Start of each cycle, s, and the end of the last."""
         return np.append(self.start[np.flatnonzero(np.diff(self.cycle, prepend=-1))], self.duration)
 
     def of_cycles(self, first: int, last: int) -> SweepWindows:
-        """The windows of the cycles ``first`` to ``last`` - 1, with times from their beginning on."""
+        """The windows of cycles ``first`` to ``last`` - 1, with times from their start."""
         part = slice(*np.searchsorted(self.cycle, [first, last]).tolist())
         return replace(
             self, start=self.start[part] - self.start[part][0], length=self.length[part], omega=self.omega[part],
@@ -103,16 +103,16 @@ def cut_into_windows(
 
     Parameters
     ----------
-    legs : directions of the sweep, one after the other.
+    legs : directions of the sweep, in order.
     profile : level over frequency.
     phase : of the sine at the start, rad.
-    corrections : of a base's acceleration, see `beamsim.inputs.drift.jumps`; None for a force.
-    tolerance : bound on the truncation of the polynomials on a window, over the amplitude.
+    corrections : corrections of a base acceleration, see `beamsim.inputs.drift.jumps`; None for a force.
+    tolerance : bound on the truncation error of the polynomials, relative to the amplitude.
 
     Returns
     -------
     SweepWindows
-        W of them, in C cycles.
+        W windows in C cycles.
     """
     parts: list[dict[str, NDArray[Any]]] = []
     turns, time = 0.0, 0.0  # before each leg
@@ -138,7 +138,7 @@ def cut_into_windows(
 def windows_of_cycles(
     leg: Leg, profile: Profile, first: int, last: int, *, phase: float, of_base: bool
 ) -> SweepWindows:
-    """Windows of the whole cycles ``first`` to ``last`` - 1 of a leg, as if it began there.
+    """Windows of the cycles ``first`` to ``last`` - 1 of a leg, as if the sweep started there.
 
     Parameters
     ----------
@@ -146,12 +146,13 @@ def windows_of_cycles(
     profile : level over frequency, with edges between cycles.
     first, last : numbers of cycles.
     phase : of the sine at the start, rad.
-    of_base : whether it moves a base: without drift on each piece of the profile, and not corrected where they meet.
+    of_base : whether it is a base motion: without drift on each piece of the profile, and without corrections between
+        them.
 
     Returns
     -------
     SweepWindows
-        With times and cycles from the first on.
+        With times and cycles from the first cycle on.
     """
     begin, end = leg.frequency(np.array([first, last], dtype=float)).tolist()
     part = Leg(begin, end, leg.rate, leg.logarithmic)
@@ -159,9 +160,9 @@ def windows_of_cycles(
 
 
 def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[Any]]:
-    """The windows of a leg, halved until the polynomials are exact to the tolerance."""
+    """The windows of a leg, halved until the polynomials meet the tolerance."""
     cuts = expansion.cuts()
-    at_a_time = 1 << 16  # windows, for the memory of what is intermediate
+    at_a_time = 1 << 16  # windows at a time, to limit memory
     chunks = [cuts[i : i + at_a_time + 1] for i in range(0, cuts.size - 1, at_a_time)]
     pending = [(chunk[:-1], chunk[1:], 0) for chunk in chunks]
     done: list[dict[str, NDArray[Any]]] = []
@@ -180,7 +181,7 @@ def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[An
 
 @dataclass(frozen=True)
 class _LegExpansion:
-    """Power series of the sine of a leg on windows between given turns, with bounds on what is left out."""
+    """Power series of the sine of a leg on windows between given cycles, with truncation bounds."""
 
     leg: Leg
     profile: Profile
@@ -190,7 +191,7 @@ class _LegExpansion:
     time_before: float
 
     def cuts(self) -> Floats:
-        """Boundaries of windows in cycles since the start of the leg; no window crosses one."""
+        """Boundaries that no window crosses, in cycles since the start of the leg."""
         leg, total, fraction = self.leg, self.leg.cycles, self.turns_before % 1.0
         whole = np.arange(1, int(np.floor(total + fraction)) + 1) - fraction
         begins, _ = leg_pieces(leg, self.profile, fraction)
@@ -204,12 +205,12 @@ class _LegExpansion:
         return np.asarray(cuts)
 
     def columns_of_turns(self, first: Floats, last: Floats) -> dict[str, NDArray[Any]]:
-        """Columns of `SweepWindows` for windows between turns ``first`` and ``last``, and the bounds."""
+        """Columns of `SweepWindows` for windows from ``first`` to ``last``, in cycles, and their truncation bounds."""
         leg = self.leg
         f = leg.frequency(first)
         length = leg.time_between(f, last - first)
         start = self.time_before + leg.time_at(first)
-        # whole cycles apart: after millions of them the phase still has all its digits
+        # whole cycles are separated, so that after millions of them the phase keeps its accuracy
         turns = self.turns_before % 1.0 + first % 1.0 + leg.turns_after(f, 0.5 * length)
         cycle = (np.floor(self.turns_before) + np.floor(first) + np.floor(turns)).astype(np.int64)
         fraction = turns - np.floor(turns)
@@ -236,7 +237,7 @@ class _LegExpansion:
         series = series + pulse_series
         motion = _twice_integrated(series, omega, displacement + pulse[:, 0], velocity + pulse[:, 1])
         coefficient = _derivative(_derivative(motion, omega), omega)
-        # the motion ends with the highest power, and its second derivative lacks what would be of higher ones
+        # the displacement has the highest power; its second derivative lacks the contribution of higher ones
         power = radius[:, None] ** np.arange(LARGEST_DEGREE + 1)
         left_out = remainder * amplitude + pulse_remainder + np.sum(np.abs(coefficient - series) * power, axis=1)
         scale = np.maximum(amplitude, np.sum(np.abs(curvature) * power[:, :7], axis=1))
@@ -244,7 +245,7 @@ class _LegExpansion:
         return {**windows, "coefficient": coefficient, "displacement": motion, "bound": bound}
 
     def _without_drift(self, alpha: Complexes, frequency_hz: Floats, piece: Ints) -> tuple[Complexes, Complexes]:
-        """Complex velocity and displacement that belong to an acceleration alpha in the middle of each window."""
+        """Complex velocity and displacement for an acceleration alpha in the middle of each window."""
         velocity, displacement = np.empty_like(alpha), np.empty_like(alpha)
         for p in np.unique(piece):
             here = piece == p
@@ -255,8 +256,8 @@ class _LegExpansion:
 
 
 def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats, Floats]:
-    """Of a sine of unit amplitude and phase zero in the middle of each window: the power series (W, D + 1) times
-    ``e^{i omega sigma}``, the deviation of the phase (W, D + 1), and a bound (W,) on the remainder of the series."""
+    """For a sine of unit amplitude and zero phase in mid-window: coefficients (W, D + 1) of ``e^{i omega sigma}``,
+    the phase deviation (W, D + 1), and a bound (W,) on the remainder."""
     rate, omega = leg.signed_rate, 2 * np.pi * middle
     deviation = np.zeros((middle.size, D + 1))  # of the phase
     growth = np.zeros((middle.size, D + 1))  # of the amplitude, relative to that in the middle
@@ -272,7 +273,7 @@ def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> 
         deviation[:, 2] = np.pi * rate
     product = _product(_exponential(np.asarray(1j * deviation, dtype=np.complex128)), growth, D)
 
-    # the same with every coefficient replaced by its absolute value bounds every remainder
+    # series with the absolute values of all coefficients bound the remainders
     growth_major = np.abs(growth)
     swing = _deviation_majorant(leg, omega, radius)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -280,7 +281,7 @@ def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> 
             swell = np.exp(np.abs(power * rate) * radius)
         else:
             ratio = np.minimum(np.abs(rate) / middle * radius, 1.0)
-            finite = (power >= 0) & (power == np.round(power))  # a polynomial; else majorised by (1 - x)^-|power|
+            finite = (power >= 0) & (power == np.round(power))  # a polynomial; otherwise bounded by (1 - x)^-|power|
             swell = np.where(
                 finite, (1.0 + ratio) ** power, np.where(ratio < 1.0, (1.0 - ratio) ** -np.abs(power), np.inf)
             )
@@ -294,7 +295,7 @@ def _series(leg: Leg, middle: Floats, power: Floats, radius: Floats, D: int) -> 
 
 
 def _modulate(polynomial: Floats, omega: Floats, radius: Floats, D: int) -> tuple[Complexes, Floats]:
-    """Real polynomials as power series (W, D + 1) times ``e^{i omega sigma}``, and a bound on the remainder."""
+    """Real polynomials as power series (W, D + 1) times ``e^{i omega sigma}``, with a bound on the remainder."""
     k = polynomial.shape[1]
     spin = np.ones((omega.size, D + 1), dtype=complex)
     for p in range(1, D + 1):
@@ -308,7 +309,7 @@ def _modulate(polynomial: Floats, omega: Floats, radius: Floats, D: int) -> tupl
 
 
 def _twice_integrated(series: Complexes, omega: Floats, value: Complexes, slope: Complexes) -> Complexes:
-    """The double integral of ``Re[e^{i omega sigma} sum_p alpha_p sigma^p]`` with given value and slope at 0."""
+    """Double integral of ``Re[e^{i omega sigma} sum_p alpha_p sigma^p]`` with given value and slope at 0."""
     out = np.zeros_like(series)
     nu = 1j * omega
     out[:, 0], out[:, 1] = value, slope - nu * value
@@ -344,25 +345,25 @@ def _deviation_majorant(leg: Leg, omega: Floats, radius: Floats) -> Floats:
 
 
 def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, ...]:
-    """The sine, and of a base its velocity and displacement, for flows that accept any signal.
+    """The sine, and for a base its velocity and displacement, as signals for a general flow.
 
-    The pieces are polynomials times ``exp(i carrier t)``: a window each where that turns as the sine does, and where it
-    does not an eighth of a turn each. Their error is round-off.
+    The pieces are polynomials times ``exp(i carrier t)``: one per window if the carrier has the frequency of the sine,
+    otherwise one per eighth of a cycle. Their error is round-off.
 
     Parameters
     ----------
-    windows : W of them.
+    windows : W windows.
     carrier : rad/s.
 
     Returns
     -------
     tuple
-        One signal, or three of a base: m/s^2, m/s and m.
+        One signal; three for a base: m/s^2, m/s and m.
     """
     difference = windows.omega - carrier
     fine = np.abs(difference) * windows.length * (8 / (2 * np.pi))
     shortest = (windows.length / np.maximum(fine, 1.0)).min()
-    # none is longer than 8 times the shortest: responses to powers of time are in the scale of the longest
+    # no piece is longer than 8 times the shortest: responses to powers of time are scaled by the longest
     fine = np.maximum(fine, np.where(fine > 1.0, windows.length / (8.0 * shortest), 1.0))
     pieces = np.maximum(np.ceil(fine - 1e-9).astype(int), 1)
     window = np.repeat(np.arange(windows.count), pieces)
@@ -371,7 +372,7 @@ def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, 
     start = windows.start[window] + offset
     start[0] = 0.0
     half = 0.5 * windows.length[window] / pieces[window]
-    sigma = offset + half - 0.5 * windows.length[window]  # of the middle of the piece
+    sigma = offset + half - 0.5 * windows.length[window]  # relative to the middle of the window
     turn, degree, rest = float(np.max(np.abs(difference[window]) * half)), 0, 1.0
     while degree < LARGEST_DEGREE or rest * turn > 1e-15 * (degree + 1):
         degree += 1
@@ -390,14 +391,14 @@ def swept_signals(windows: SweepWindows, carrier: float = 0.0) -> tuple[Signal, 
         piece = _product(np.pad(moved, ((0, 0), (0, max(degree + 1 - moved.shape[1], 0)))), turning, degree)
         if carrier == 0.0:
             piece = piece.real.astype(complex)
-        move(piece, -half)  # in powers of the time since its start
+        move(piece, -half)  # in powers of the time since the start of the piece
         piece *= np.exp(-1j * carrier * half)[:, None]
         signals.append(Signal(start, np.array([1j * carrier]), piece[:, None, :]))
     return tuple(signals)
 
 
 def move(polynomial: NDArray[Any], distance: Floats) -> None:
-    """Polynomials (k, D + 1) about points further by (k,), in place."""
+    """Shift polynomials (k, D + 1) to new centres at distances (k,), in place."""
     D = polynomial.shape[1] - 1
     for i in range(D):
         for p in range(D - 1, i - 1, -1):

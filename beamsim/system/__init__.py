@@ -1,5 +1,5 @@
-"""One set of piecewise-linear equations, and the only bridge to it from a scenario.
+"""The piecewise-linear equations of a system, and the only way to create them from a scenario.
 
 Never here: integration in time.
-Begin with `equations` (what the flow needs to know) and `build`.
+Begin with `equations` (the data that the flow needs) and `build`.
 """

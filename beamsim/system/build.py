@@ -1,4 +1,4 @@
-"""From a scenario to its system: the only bridge."""
+"""Builds the system of a scenario."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ from beamsim.typing import Floats, Ints
 
 
 def _start_on_supports(model: ReducedModel, forcing: Forcing) -> Floats:
-    """(2 n,) where supports that move put the structure at t = 0: their static shapes and rates.
+    """(2 n,) displacement and velocity of the structure at t = 0 due to moving supports, from static shapes.
 
-    A start is relative to it, as one is to a base that moves.
+    The initial state is relative to this motion, as it is to a moving base.
     """
     start = np.zeros(2 * model.basis.size)
     number = model.acting_loads.signals
@@ -69,7 +69,7 @@ def _start_on_supports(model: ReducedModel, forcing: Forcing) -> Floats:
 
 
 def sine_loads(model: ReducedModel, forcing: Forcing) -> SineLoads | None:
-    """How the loads follow the one frequency of a harmonic excitation; None where it is no such excitation."""
+    """Amplitudes of the loads relative to the sine of a harmonic excitation; None for other excitations."""
     excitation = model.scenario.excitation
     if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.influence is not None:
         return None
@@ -82,33 +82,36 @@ def sine_loads(model: ReducedModel, forcing: Forcing) -> SineLoads | None:
             (_phasor(moved.excitation), power_of(moved.excitation.quantity)) if several else (complex(1.0), 0)
         )
         terms += [(amplitude, power), (amplitude, power - 1), (amplitude, power - 2)]
-    if not terms:  # of a base: its acceleration, and its displacement where springs to the ground feel it
+    if not terms:  # base motion: its acceleration, and its displacement if there are springs to the ground
         terms = [(complex(1.0), power) for power in (0, -2)[: len(forcing.signal)]]
     amplitudes, powers = zip(*terms, strict=True)
     return SineLoads(np.array(amplitudes, dtype=complex), np.array(powers, dtype=np.int64))
 
 
 def _phasor(sine: Any) -> complex:
-    """Amplitude and phase of a harmonic force, over a sine of unit amplitude."""
+    """Complex amplitude of a harmonic force, relative to a sine of unit amplitude."""
     return complex(sine.level * np.exp(1j * sine.phase))
 
 
 class TimeDependent(NamedTuple):
-    """What depends on time in the equations, by itself."""
+    """The time-dependent parts of the equations."""
 
-    base: BaseMotion | None  # None at rest
+    base: BaseMotion | None  # None if the base is at rest
     forcing: Forcing
-    accounts: list[tuple[str, InputAccount]]  # of every input, with its path
+    accounts: list[tuple[str, InputAccount]]  # description of every input, with its path
 
 
-_FILE_KEYS = {"matched": ("srs", "file"), "random": ("psd", "file")}  # by kind of input, where it is not ``file``
+_FILE_KEYS = {
+    "matched": ("srs", "file"),
+    "random": ("psd", "file"),
+}  # by kind of input; else ``file``
 
 
 def time_dependent_loads(model: ReducedModel, static_loads: _StaticLoads) -> TimeDependent:
-    """The base's motion and the time-dependent loads.
+    """The motion of the base and the time-dependent loads.
 
-    They are those of the forces, three of each support that moves, one of each stop that moves by itself, which loads
-    nothing, then those of the base.
+    The loads are: one for each force, three for each moving support, one for each stop that moves by itself (without
+    load), then those of the base.
     """
     motion, accounts = None, list[tuple[str, InputAccount]]()
     loads = [
@@ -121,7 +124,7 @@ def time_dependent_loads(model: ReducedModel, static_loads: _StaticLoads) -> Tim
         motion = _signal_of(model, *model.acting_loads.base, base_motion, accounts)
         inertia, ground = model.base_load(model.base)
         loads.append((-inertia, motion.acceleration))
-        if model.structure.base_load(model.base)[1].any():  # springs to ground extend by the base's displacement, too
+        if model.structure.base_load(model.base)[1].any():  # springs to the ground extend with the base's displacement
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), model.basis.size)
     on_ground = static_loads.contacts.on_ground.any() or (
@@ -137,7 +140,7 @@ def time_dependent_loads(model: ReducedModel, static_loads: _StaticLoads) -> Tim
 def _signal_of(
     model: ReducedModel, path: Path, excitation: SingleExcitation, build_signal: Callable[..., Any], accounts: list[Any]
 ) -> Any:
-    """What ``build_signal`` gives for one part of the excitation, at a path, whose account it adds to the others."""
+    """Build the signal of one excitation at a path, and append its description to ``accounts``."""
     scenario = model.scenario
     duration = None if scenario.run is None else scenario.run.duration
     folder = scenario.folder_of(*path, *_FILE_KEYS.get(excitation.kind, ("file",)))
@@ -149,7 +152,7 @@ def _signal_of(
 
 
 def _loads_of_moving_supports(model: ReducedModel, accounts: list[Any]) -> list[tuple[Floats, Signal]]:
-    """Loads of supports, by acceleration, velocity and displacement, and of stops that move by themselves."""
+    """Loads of moving supports (by acceleration, velocity and displacement) and of stops that move by themselves."""
     loads: list[tuple[Floats, Signal]] = []
     for moved in model.moving_supports:
         support = _signal_of(model, moved.path, moved.excitation, base_motion, accounts)
@@ -161,7 +164,7 @@ def _loads_of_moving_supports(model: ReducedModel, accounts: list[Any]) -> list[
 
 
 def _influence_of_mountings(model: ReducedModel, static_loads: _StaticLoads, signals: int) -> Floats | None:
-    """(m, L) displacement of each contact's place from its mounting by a unit of each signal; None where it is 0."""
+    """(m, L) displacement of each contact point relative to its mounting for a unit of each signal; None if zero."""
     influence = model.influence(signals)
     if not influence.any():
         return None
@@ -175,9 +178,9 @@ def build_system(
 
     Parameters
     ----------
-    scenario : a validated scenario.
-    shared : keeps what was built for other scenarios, where this one has the same structure, reduction or excitation.
-    with_stations : whether deflections and stresses along the bodies are wanted; else there are no stations.
+    scenario : a valid scenario.
+    shared : cache of parts built for other scenarios with the same structure, reduction or excitation.
+    with_stations : whether to compute deflections and stresses along the bodies; without them there are no stations.
 
     Returns
     -------
@@ -187,8 +190,8 @@ def build_system(
     Raises
     ------
     ScenarioError
-        If a preload or the chosen start needs a static equilibrium that does not exist or is not the only one, or if
-        the start asks for a mode that the reduction does not keep.
+        If a preload or the initial state needs a static equilibrium that does not exist or is not unique, or a mode
+        that the reduction omits.
     """
     with scenario.locating():
         try:
@@ -198,7 +201,7 @@ def build_system(
 
 
 def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
-    """The problem of numbers that are too far apart to compute with; it is put on the one that is furthest from 1."""
+    """The problem of numbers of too different sizes; located at the number furthest from 1."""
     sizes: dict[Path, float] = {
         (*path, name): abs(math.log10(abs(value)))
         for path, part in walk(scenario)
@@ -215,34 +218,34 @@ def _out_of_range(scenario: Scenario, error: Exception) -> Problem:
 
 @dataclass(frozen=True)
 class SystemFamily:
-    """The system of a scenario, and those with other numbers of a snubber, all in the same coordinates."""
+    """The system of a scenario, and variants with other values for a snubber, all in the same coordinates."""
 
     model: ReducedModel
     system: StructuralSystem
 
     def at(self, path: Path, value: float) -> StructuralSystem:
-        """The system that the scenario gives with another number of a snubber.
+        """The system with another value for a snubber.
 
         Parameters
         ----------
-        path : of the gap, stiffness or position of a snubber in the scenario.
-        value : in its place; SI.
+        path : path of the gap, stiffness or position of a snubber.
+        value : new value, SI.
         """
         model = self._model_with(path, value)
         return _build(model, _build_static_loads(model))
 
     def contacts_at(self, path: Path, value: float) -> Contacts:
-        """The contacts of `at` alone, where no snubber has a preload."""
+        """Only the contacts of `at`, for systems without preloads."""
         return _build_static_loads(self._model_with(path, value)).contacts
 
     def rates_along(self, place: Place) -> tuple[Floats, float]:
-        """Derivatives by the position of a place on its body, per m.
+        """Derivatives with respect to the position of a place on its body, per m.
 
         Returns
         -------
         tuple
-            (n,) of the deflection for a unit of each coordinate, 1/(sqrt(kg) m), and of the motion for a unit motion of
-            the base.
+            (n,) derivative of the deflection for a unit of each coordinate, 1/(sqrt(kg) m), and of the motion for a
+            unit motion of the base.
         """
         turned = replace(place, direction=SLOPE)
         motion = self.model.base
@@ -254,13 +257,13 @@ class SystemFamily:
 
 
 def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) -> SystemFamily:
-    """The system in coordinates that serve other numbers of a snubber.
+    """Build the system in coordinates that are valid for a range of values of a snubber.
 
     Parameters
     ----------
-    scenario : a validated scenario.
-    ends : two places of a body anywhere between which a snubber may act. Static vectors are added until the reduced
-        model's compliance is that of the full one all along the way.
+    scenario : a valid scenario.
+    ends : two places on a body between which a snubber may act. Static vectors are added until the reduced model has
+        the compliance of the full model everywhere between them.
 
     Raises
     ------
@@ -276,24 +279,24 @@ def build_family(scenario: Scenario, ends: tuple[Place, Place] | None = None) ->
         return SystemFamily(model, _build(model, pushing))
 
 
-# Stiffness of a contact times the compliance there of the modes left out, in a beam with twice the modes that move with
-# the contact (theory, section 7).
+# Contact stiffness times the compliance of the omitted modes at the contact, for a beam with twice the modes that move
+# with the contact (theory, section 7).
 _STIFFNESS_BEYOND_MODES = 0.04
-# Where modes up to twice the frequency take away less of it, no mode has that compliance: that of a face near a point.
+# If modes up to twice the frequency reduce this product less, it comes from local deformation, not from modes.
 _LEAST_FALL = 0.7
 
 
 def _model_with_contacts(
     scenario: Scenario, extra_places: Sequence[Place] = (), shared: SharedBuilds | None = None
 ) -> tuple[ReducedModel, _StaticLoads]:
-    """The reduced model and its contacts, by default up to higher frequencies as long as contacts need more modes."""
+    """The reduced model and its contacts; by default with more modes as long as the contacts need them."""
     model = build_reduced_model(scenario, extra_places, shared)
     pushing, before = _build_static_loads(model), math.inf
     found = model, pushing
     while model.default_reduction:
         static = slice(model.basis.modes, model.basis.size)
         compliance = np.sum((pushing.contacts.shape[:, static] / model.omega[static]) ** 2, axis=1)
-        stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not of rigid friction
+        stiffness = np.nan_to_num(pushing.contacts.quasi_static[0], posinf=0.0)  # not for rigid friction
         beyond = float(np.max(stiffness * compliance, initial=0.0))
         if beyond > _LEAST_FALL * before:
             break
@@ -355,13 +358,13 @@ def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool 
 def _statics(
     model: ReducedModel, static_loads: _StaticLoads, loads: Floats
 ) -> tuple[Contacts, Equilibrium, Floats, list[str]]:
-    """Contacts with the gaps that preloads need, their equilibrium under constant loads (L, n), the state at t = 0.
+    """Contacts with gaps from preloads, their equilibrium under constant loads (L, n), and the state at t = 0.
 
-    With warnings about the state, (2 n,) without what supports that move and internal states of contacts add.
+    The state (2 n,) comes with warnings, and without the effect of moving supports and internal states of contacts.
     """
     snubbers, cubic = model.scenario.located_snubbers, static_loads.cubic
     contacts = static_loads.contacts
-    resting = np.array([law.resting_force for law in contacts.laws])  # does not fade, and no static spring gives it
+    resting = np.array([law.resting_force for law in contacts.laws])  # in addition to the static springs
     loads = np.vstack([loads, (contacts.sign * resting) @ contacts.shape])
     if any(located.item.preload is not None for located in snubbers):
         contacts = resolve_preloads(contacts, snubbers, model.stiffness, model.basis.rigid, loads, cubic)
@@ -373,7 +376,7 @@ def _statics(
 
 
 def _with_initial_branches(contacts: Contacts) -> Contacts:
-    """The contacts as a motion begins, of which some have not had a long rest; themselves where all have."""
+    """The contacts at the start of a motion, with branches that have not relaxed; the same if all have relaxed."""
     if all(law.as_installed is None for law in contacts.laws):
         return contacts
     return replace(contacts, laws=tuple(law.as_installed or law for law in contacts.laws))
@@ -381,15 +384,15 @@ def _with_initial_branches(contacts: Contacts) -> Contacts:
 
 @dataclass(frozen=True)
 class _StaticLoads:
-    """What pushes on a structure in addition to loads."""
+    """Contacts and springs that act on a structure in addition to loads."""
 
-    tables: Mapping[str, TableOfStop]  # by path of the snubbers that have one
+    tables: Mapping[str, TableOfStop]  # by path, for snubbers with a force-deflection curve
     stops: Contacts  # the snubbers
     springs: tuple[SpringInfo, ...]
     cubic: CubicSprings | None
     contacts: Contacts  # snubbers, then springs with laws
-    owner: Ints  # (m,) number of the snubber, or spring with a law, that each contact belongs to
-    sites: list[Site]  # (m,) where the contacts act
+    owner: Ints  # (m,) index of the snubber or nonlinear spring of each contact
+    sites: list[Site]  # (m,) places of the contacts
 
 
 def _build_static_loads(model: ReducedModel) -> _StaticLoads:
@@ -406,7 +409,7 @@ def _build_static_loads(model: ReducedModel) -> _StaticLoads:
 def _build_static_loads_with_springs(
     model: ReducedModel, tables: Mapping[str, TableOfStop], stops: Contacts
 ) -> _StaticLoads:
-    """Stops, and springs with laws of their own, joints that relax and friction."""
+    """Stops, nonlinear springs, joints with relaxation, and friction."""
     nonlinear, basis, snubbers = model.scenario.nonlinear_springs, model.basis, model.scenario.located_snubbers
     springs = describe_springs(
         nonlinear, model.shapes(model.spring_sites), model.base_participations(model.spring_sites)
@@ -419,7 +422,7 @@ def _build_static_loads_with_springs(
     with_laws = [site for site, spring in zip(model.spring_sites, springs, strict=True) if spring.law is not None]
     sites: list[Site] = [*model.snubber_sites, *with_laws]
     owner = np.arange(len(sites))
-    if cubic is not None:  # what integrates these in time knows one-sided springs alone
+    if cubic is not None:  # time stepping for cubic springs supports only one-sided springs
         _refuse_memory(snubbers, stops, nonlinear)
         owner = contacts.owners_of_springs[0]
         sites = [sites[j] for j in owner]
@@ -428,12 +431,12 @@ def _build_static_loads_with_springs(
 
 
 def _check_couplings(model: ReducedModel, static_loads: _StaticLoads) -> list[str]:
-    """Warnings of loops that joints do not close and of motions that contacts alone stop.
+    """Warnings about unclosed loops of joints, and about motions that only contacts stop.
 
     Raises
     ------
     ScenarioError
-        Where nothing stops a motion, or something acts where nothing can move.
+        If nothing stops a motion, or something acts at an immobile place.
     """
     problems = immobile_problems(model.structure, _load_sites(model))
     if problems:
@@ -445,13 +448,13 @@ def _check_couplings(model: ReducedModel, static_loads: _StaticLoads) -> list[st
 
 
 def _check_places_on_supports(model: ReducedModel) -> None:
-    """Refuse contacts and probes on what moves with a support."""
+    """Refuse contacts and probes at places that move with a support."""
     probes = [(("probes", k), site) for k, site in enumerate(model.probe_sites)]
     check_places(model.moving_supports, [*((located.path, site) for located, site in _located_sites(model)), *probes])
 
 
 def _relaxed_states(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
-    """(r,) internal states of contacts at the start, after a long rest there or as they were mounted."""
+    """(r,) internal states of contacts at the start: after a long rest, or as installed."""
     apart = contacts.shape @ q
     if forcing.base_displacement is not None:
         apart += contacts.base_influence * float(forcing.base_displacement(0.0))
@@ -461,13 +464,13 @@ def _relaxed_states(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
 
 
 def _located_sites(model: ReducedModel) -> list[tuple[LocatedItem, Site]]:
-    """Snubbers and nonlinear springs, and where they sit."""
+    """Snubbers and nonlinear springs with their places."""
     located = (*model.scenario.located_snubbers, *model.scenario.nonlinear_springs)
     return list(zip(located, (*model.snubber_sites, *model.spring_sites), strict=True))
 
 
 def _load_sites(model: ReducedModel) -> list[tuple[Path, LoadSite, str]]:
-    """Snubbers, nonlinear springs and the exciting force: path, place and name of each."""
+    """Snubbers, nonlinear springs and forces of the excitation: path, place and name of each."""
     forces = model.acting_loads.forces
     return [
         *((located.path, site, f"{located.item.name}") for located, site in _located_sites(model)),
@@ -476,7 +479,7 @@ def _load_sites(model: ReducedModel) -> list[tuple[Path, LoadSite, str]]:
 
 
 def _check_rigid_friction(model: ReducedModel, springs: Sequence[SpringInfo], stops: Contacts) -> None:
-    """Refuse friction without a tangential spring next to what relaxes or sticks with one, and under a moving base."""
+    """Refuse rigid friction together with relaxing or sticking contacts, and under a moving base."""
     laws = [(spring.name, spring.law) for spring in springs if spring.law is not None]
     laws += zip((stop.name for stop in model.scenario.all_snubbers), stops.laws, strict=True)
     coupled = [name for name, law in laws if law.arrays.coupled.any()]
@@ -505,17 +508,17 @@ def _describe_probes(model: ReducedModel) -> tuple[ProbeRow, ...]:
 
 
 def _equilibrium(model: ReducedModel, contacts: Contacts, loads: Floats, cubic: CubicSprings | None) -> Equilibrium:
-    """The static equilibrium; one that cannot be computed is fatal only where the motion starts from it."""
+    """The static equilibrium; an error is raised only if the motion starts from it."""
     springs = springs_of(contacts)
     if not (model.basis.rigid or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
-        return Equilibrium(np.zeros(model.basis.size), np.zeros(contacts.count))  # it stays where it is drawn
+        return Equilibrium(np.zeros(model.basis.size), np.zeros(contacts.count))  # the structure is undeformed
     return _compute_equilibrium(model, contacts, springs, loads, cubic)
 
 
 def _compute_equilibrium(
     model: ReducedModel, contacts: Contacts, springs: Springs, loads: Floats, cubic: CubicSprings | None
 ) -> Equilibrium:
-    """The static equilibrium of what is displaced; see `_equilibrium`."""
+    """Compute the static equilibrium; see `_equilibrium`."""
     try:
         found = find_equilibrium(model.stiffness, model.basis.rigid, springs, loads, cubic)
         return replace(found, force=springs.contact_forces(found.force, contacts.sign))
@@ -526,7 +529,7 @@ def _compute_equilibrium(
 
 
 def _refuse_memory(snubbers: Sequence[LocatedItem], stops: Contacts, springs: Sequence[LocatedItem]) -> None:
-    """ScenarioError where contacts are more than one-sided springs."""
+    """Raise ScenarioError if contacts are more than one-sided springs."""
     linear = "give the snubber a stiffness alone, or make the springs piecewise_linear"
     refused = [
         (f".{snubber.memory or 'force_deflection'}", path, linear)
@@ -568,23 +571,23 @@ def _describe_snubbers(
 def initial_state(
     model: ReducedModel, contacts: Contacts, loads: Floats, cubic: CubicSprings | None, equilibrium: Equilibrium
 ) -> tuple[Floats, list[str]]:
-    """The state from which a motion starts.
+    """The initial state of a motion.
 
     Parameters
     ----------
-    model : of the scenario.
-    contacts, cubic : its contacts and cubic springs.
+    model : reduced model of the scenario.
+    contacts, cubic : contacts and cubic springs of the system.
     loads : (L, n) constant loads.
-    equilibrium : static equilibrium under these, or why there is none.
+    equilibrium : static equilibrium under these loads, or the reason why there is none.
 
     Returns
     -------
-    (2 n,) q then q' at t = 0, relative to the base; and warnings.
+    (2 n,) q and q' at t = 0, relative to the base; and warnings.
 
     Raises
     ------
     ScenarioError
-        Where the start needs a static shape that does not exist, or a mode that the reduction does not keep.
+        If the initial state needs a static shape that does not exist, or a mode that the reduction omits.
     """
     start = None if model.scenario.run is None else model.scenario.run.start
     if start != "static_equilibrium":
@@ -602,14 +605,14 @@ def _other_start(
     cubic: CubicSprings | None,
     equilibrium: Equilibrium,
 ) -> tuple[Floats, list[str]]:
-    """The state from a start that is not the static equilibrium; see `initial_state`."""
+    """An initial state other than the static equilibrium; see `initial_state`."""
     warnings: list[str] = []
     q = v = np.zeros(model.basis.size)
     if start is None:
         q = q if equilibrium.q is None else equilibrium.q
     elif isinstance(start, ReleasedForceStart):
         q = _release_shape(model, start, contacts, loads, cubic)
-    elif not isinstance(start, str):  # from rest
+    elif not isinstance(start, str):  # start at rest
         q, v = _moving_start(model, start, warnings)
     return np.concatenate([q, v]), warnings
 
@@ -617,7 +620,7 @@ def _other_start(
 def _moving_start(
     model: ReducedModel, start: ModeStart | PolynomialStart | BodiesStart | OrbitStart, warnings: list[str]
 ) -> tuple[Floats, Floats]:
-    """q and q', (n,) each, of a start that a scenario gives as a mode or by fields; warnings are added."""
+    """q and q', (n,) each, of a start in a mode, with given fields, or on an orbit; warnings are appended."""
     if isinstance(start, OrbitStart):
         remedy = "leave run.start out, or `beamsim run`"
         raise ScenarioError(Problem("run.start.orbit", "starts a run, and no other command", remedy))
@@ -631,7 +634,7 @@ def _moving_start(
 def _release_shape(
     model: ReducedModel, start: ReleasedForceStart, contacts: Contacts, loads: Floats, cubic: CubicSprings | None
 ) -> Floats:
-    """(n,) static equilibrium under the constant loads (L, n) and a force that is then released."""
+    """(n,) static equilibrium under the constant loads (L, n) and the force that is then released."""
     extra = (start.released_force.force * model.shape(start.released_force))[None, :]
     held = find_equilibrium(model.stiffness, model.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic)
     remedy = "let it push towards a snubber, or support the structure"
@@ -639,7 +642,7 @@ def _release_shape(
 
 
 def _static_shape(model: ReducedModel, equilibrium: Equilibrium, path: str, problem: str, remedy: str) -> Floats:
-    """(n,) coordinates of an equilibrium; ScenarioError says why there is none and, where something floats, what."""
+    """(n,) coordinates of an equilibrium; ScenarioError with the reason, and the floating bodies, if there is none."""
     if equilibrium.q is None:
         floats = f" ({floating_motions(model.structure, model.basis)})" if model.basis.rigid else ""
         raise ScenarioError(Problem(path, f"{problem}: {equilibrium.reason}{floats}", remedy))
@@ -647,7 +650,7 @@ def _static_shape(model: ReducedModel, equilibrium: Equilibrium, path: str, prob
 
 
 def _mode_shape(model: ReducedModel, mode: int, amplitude: float) -> Floats:
-    """Open mode `mode` (numbered from 1, rigid-body modes included) with its largest deflection equal to amplitude."""
+    """Mode number `mode` of the open structure (from 1, with rigid-body modes), scaled to a largest deflection."""
     if mode > model.basis.modes:
         raise ScenarioError(
             Problem(
@@ -665,7 +668,7 @@ def _mode_shape(model: ReducedModel, mode: int, amplitude: float) -> Floats:
 def _start_field(
     model: ReducedModel, fields: Mapping[str, PolynomialStart], quantity: str, warnings: list[str]
 ) -> Floats:
-    """Coordinates of fields given body by body: a polynomial in x along a beam, one number a mass of a chain."""
+    """Coordinates of a start given by body: a polynomial in x along a beam, one number for each mass of a chain."""
     numbers = {name: getattr(start, quantity) for name, start in fields.items()}
     field, errors = model.structure.project(model.basis, numbers, quantity)
     for name, error in errors.items():

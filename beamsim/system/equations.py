@@ -4,33 +4,32 @@ With every contact in one phase of its law, the system is linear,
 
 .. math:: \ddot q + C_s \dot q + K_s q = f_0 + \sum_l L_l\, a_l(t) + \text{contact constants},
 
-where :math:`M = I` and the open structure's stiffness is diagonal. Nothing here knows files, units
-or what the coordinates stand for.
+where :math:`M = I` and the stiffness of the open structure is diagonal. This module knows no files, no units and no
+meaning of the coordinates.
 
 While every contact stays in its phase, every quantity of the motion is a row times
 
 .. math:: z = (y, u, u'), \qquad y = (q, q', p),
 
-the state y of N entries (coordinates, their rates, internal states of the contacts), the F inputs u and their slopes
+the state y with N entries (coordinates, their rates, internal states of the contacts), the F inputs u, and their slopes
 u'; u[0] is 1. Rates of the state, contact forces, event functions, internal states after an event and channels are
 arrays (k, V) of such rows, V = N + 2F.
 
-What the law of contact j depends on is ``law[j]``, one row for each column of `beamsim.contacts.laws.LawRow.array`:
-penetration, its rate, 1, the force of the contact that presses it, that force's rate, its own reaction, its internal
-states. A linear function in a law, times ``law[j]``, is a row on z.
+The quantities that the law of contact j depends on are ``law[j]``, one row for each column of
+`beamsim.contacts.laws.LawRow.array`: penetration, its rate, 1, the normal force, its rate, the own reaction, the
+internal states. A linear function in a law, multiplied by ``law[j]``, is a row on z.
 
-Contacts that stick rigidly: in such a phase the force is whatever keeps the penetration at its value. With the rows W
-of the penetrations of these contacts for a unit of each coordinate, and the generalised force f of all else, the
-reactions are those :math:`\lambda` for which :math:`W (f - W^T\lambda) = 0`. Where several do, since contacts hold one
-motion together, they are those of the smallest sum of squares.
+Contacts that stick rigidly: the force in such a phase is a reaction that keeps the penetration constant. Let W be the
+penetrations of these contacts for a unit of each coordinate, and f the generalised force of everything else. The
+reactions satisfy :math:`W (f - W^T\lambda) = 0`; if they are not unique, because contacts restrain the same motion,
+those with the smallest sum of squares are used.
 
-A channel is an observable, a linear row on the motion and on what acts on it,
+A channel is an observable: a linear row on the motion and on the loads,
 
 .. math:: y = D q + V q' + A q'' + a\, \ddot d + b\, d + F f + G g + S s(t) + c + P p(q)
 
-with the coordinates q relative to the base, the base's displacement d, the forces f of the contacts and their openings
-g, the signals s of the loads and the pulls p of cubic springs. Whoever evaluates channels needs to know no more of them
-than this.
+with the coordinates q relative to the base, the base displacement d, the contact forces f and openings g, the load
+signals s and the forces p of cubic springs.
 """
 
 from __future__ import annotations
@@ -48,11 +47,11 @@ from beamsim.contacts.laws import CONSTANT, INTERNAL, NORMAL_FORCE, NORMAL_FORCE
 from beamsim.inputs.signal import Signal
 from beamsim.typing import Complexes, Floats, Ints
 
-NEGLIGIBLE_SINGULAR_VALUE = 1e-10  # of the largest singular value of the rows: smaller ones hold nothing more
-ROUND_OFF = 1e-14  # of a generalised force: what reactions leave below it is round-off, and would move what rests
+NEGLIGIBLE_SINGULAR_VALUE = 1e-10  # relative to the largest singular value of the rows; smaller ones are dependent
+ROUND_OFF = 1e-14  # relative to a generalised force; smaller remainders after subtracting reactions are set to zero
 
 Number = TypeVar("Number", np.float64, np.complex128)
-RowsOf = Callable[[Ints], Floats]  # rows (k, V) in given phases of the contacts (m,)
+RowsOf = Callable[[Ints], Floats]  # gives rows (k, V) for phases of the contacts (m,)
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class PiecewiseLinearSystem:
 
     @cached_property
     def fastest(self) -> float:
-        """rad/s, that no natural frequency with all contacts closed exceeds."""
+        """A bound, rad/s, of the natural frequencies with all contacts closed."""
         contacts = self.contacts
         closed = np.abs(contacts.arrays.force[:, :, 0]).max(axis=1, initial=0.0) @ (contacts.shape**2).sum(axis=1)
         return float(np.sqrt(self.stiffness.max(initial=0.0) + closed))
@@ -82,38 +81,38 @@ class PiecewiseLinearSystem:
         return bool(np.count_nonzero(self.damping) > np.count_nonzero(np.diag(self.damping)))
 
     def contacts_act(self, phases: Ints) -> bool:
-        """True if a contact pushes or sticks in the given phases, or has internal states that move by themselves."""
+        """Whether a contact acts in these phases: it pushes, sticks, or has internal states that move by themselves."""
         arrays, every = self.contacts.arrays, np.arange(self.contacts.count)
         pushing = arrays.force[every, phases, :NORMAL_FORCE].any() or arrays.sticks_rigidly[every, phases].any()
         return self.contacts.internal_states > 0 or bool(pushing)
 
     def one_sided(self) -> PiecewiseLinearSystem:
-        """The same with one-sided springs as the only contacts; see `Contacts.one_sided_springs`."""
+        """The same system with one-sided springs only; see `Contacts.one_sided_springs`."""
         springs = self.contacts.one_sided_springs()
         return self if springs is self.contacts else replace(self, contacts=springs)
 
 
 @dataclass(frozen=True)
 class Forcing:
-    """Time-dependent loads: ``sum_l load[l] * signal[l](t)``, and the base's own displacement d(t).
+    """Time-dependent loads ``sum_l load[l] * signal[l](t)``, and the displacement d(t) of the base.
 
-    ``base_displacement`` is needed only by contacts on the ground (``None`` means d = 0), ``influence`` by contacts on
-    what moves by signals of its own.
+    ``base_displacement`` is needed only by contacts on the ground (``None`` means d = 0), ``influence`` only by
+    contacts whose mounting moves.
     """
 
     load: Floats  # (L, n)
     signal: tuple[Signal, ...]  # (L,)
     base_displacement: Signal | None = None
     influence: Floats | None = (
-        None  # (m, L) displacement of each contact's place from its stand by a unit of each signal
+        None  # (m, L) displacement of each contact point relative to its mounting for a unit of each signal
     )
 
 
 @dataclass(frozen=True)
 class SineLoads:
-    """The loads of a forcing as multiples of one sine: load l is ``coefficient[l] (i omega)^power[l]`` times it.
+    """Loads as multiples of one sine: load l is ``coefficient[l] (i omega)^power[l]`` times the sine.
 
-    The sine is the acceleration of the base or of a support that moves, the force, or what multiplies several forces.
+    The sine is the acceleration of the base or a moving support, the force, or the common factor of several forces.
     """
 
     coefficient: Complexes  # (L,)
@@ -130,9 +129,9 @@ class Equations:
     Parameters
     ----------
     system : the structure and its contacts.
-    load : (L, n) generalised forces for a unit of each of the first L channels; by default none.
-    influence : (channels, m) displacement of each contact's mounting by a unit of each channel, m; by default none.
-    channel : (F,) of each input; -1 for the constant one, which is the first and by default the only one.
+    load : (L, n) generalised forces for a unit of each of the first L channels; none by default.
+    influence : (channels, m) displacement of each contact's mounting for a unit of each channel, m; none by default.
+    channel : (F,) channel of each input; -1 for the constant one, which comes first and is the default.
     """
 
     def __init__(
@@ -152,8 +151,8 @@ class Equations:
         self._load = load.T @ of_inputs[: load.shape[0]]
         self._load[:, 0] += system.constant_load
         self._mounting = c.sign[:, None] * (influence.T @ of_inputs)
-        self.penetrations = -c.sign[:, None] * c.shape  # (m, n) for a unit of each coordinate
-        self.unit = np.eye(self.width)  # (V, V) z for a unit of each of its entries
+        self.penetrations = -c.sign[:, None] * c.shape  # (m, n) penetration for a unit of each coordinate
+        self.unit = np.eye(self.width)  # (V, V) z with one unit entry each
         self.state = self.unit[: self.states]  # (N, V) the state itself
         self.law = np.zeros((c.count, INTERNAL + int(c.state_counts.max(initial=0)), self.width))
         self.law[:, PENETRATION, self.coordinates] = self.law[:, RATE, self.velocities] = self.penetrations
@@ -161,19 +160,19 @@ class Equations:
         self.law[:, PENETRATION, self.inputs.start] -= c.gap
         self.law[:, CONSTANT, self.inputs.start] = 1.0
         self.law[c.state_owner, c.state_column] = self.unit[self.internal]
-        self.free = self.rows(  # (n, V) generalised forces on the structure, those of contacts apart
+        self.free = self.rows(  # (n, V) generalised forces on the structure, without contact forces
             n, coordinates=-np.diag(system.stiffness), velocities=-system.damping, inputs=self._load
         )
         self.penetration, self.penetration_rate = self.law[:, PENETRATION], self.law[:, RATE]  # (m, V) m and m/s
 
     def rows(self, count: int, **blocks: Floats | float) -> Floats:
-        """Rows of which some blocks are given, the others being zero.
+        """Rows from blocks; other blocks are zero.
 
         Parameters
         ----------
-        count : k.
-        blocks : by name of the block of z (``coordinates``, ``velocities``, ``internal``, ``inputs``, ``slopes``)
-            arrays of its width, or what broadcasts to it.
+        count : number of rows k.
+        blocks : for each name of a block of z (``coordinates``, ``velocities``, ``internal``, ``inputs``, ``slopes``)
+            an array of its width, or one that broadcasts to it.
 
         Returns
         -------
@@ -185,52 +184,52 @@ class Equations:
         return rows
 
     def constant(self, values: Floats) -> Floats:
-        """(k, V) quantities (k,) that do not change."""
+        """(k, V) rows of constant quantities (k,)."""
         rows = self.rows(values.size)
         rows[:, self.inputs.start] = values
         return rows
 
     def signals(self, channels: Ints) -> Floats:
-        """(k, V) signals of channels (k,)."""
+        """(k, V) rows of the signals of channels (k,)."""
         return self.rows(channels.size, inputs=channels[:, None] == self.channel)
 
 
 @dataclass(frozen=True)
 class EventFunctions:
-    """What ends a contact state: g functions that are positive until then."""
+    """The events that end a contact state: g functions that are positive until then."""
 
     count: int  # g
     contact: Ints  # (g,) contact that changes its phase
-    next: Ints  # (g,) its phase afterwards
-    rows: Floats  # (w, V) the g functions, then the internal states after events that set them anew
-    guards: Floats  # (g, V) the functions alone
-    reset_row: Ints  # (g,) first of the rows that give the contact's internal states after the event; -1: they go on
+    next: Ints  # (g,) phase after the event
+    rows: Floats  # (w, V) the g functions, then internal states after events with a reset
+    guards: Floats  # (g, V) only the functions
+    reset_row: Ints  # (g,) index of the first row with the internal states after the event; -1 without reset
     joining_count: (
         int  # how many, the first ones, are of contacts that join others at rest: where one acts, no other does
     )
 
     def of_change(self, contact: int, after: int) -> int:
-        """Number of the function whose event takes a contact to a phase."""
+        """Index of the function whose event changes a contact to a phase."""
         return int(np.flatnonzero((self.contact == contact) & (self.next == after))[0])
 
 
 class StateEquations:
-    """The equations with the contacts in given phases: arrays of rows on z.
+    """The equations for given phases of the contacts, as rows on z.
 
     Parameters
     ----------
-    equations : of the system under its inputs.
-    phases : (m,) of the contacts.
+    equations : equations of the system with its inputs.
+    phases : (m,) phases of the contacts.
     """
 
-    factors: Floats  # (m, C) of ``law`` in the contact forces, reactions apart
-    law: Floats  # (m, C, V) what the laws depend on
-    force: Floats  # (m, V) contact forces, reactions included, N
-    normal_force: Floats  # (p, V) of each contact that another one presses the force of that one, N
-    stuck_directions: Floats  # (n, h) orthonormal directions that rigidly sticking contacts keep at rest
-    internal_factors: Floats  # (r,) of each internal state in the force of its own contact, N per unit
-    internal_rate_factors: Floats  # (r, C) factors of what the law of its contact depends on in the rate of each
-    internal_rates: Floats  # (r, V) time derivatives of the internal states of all contacts
+    factors: Floats  # (m, C) factors of ``law`` in the contact forces, without reactions
+    law: Floats  # (m, C, V) quantities that the laws depend on
+    force: Floats  # (m, V) contact forces with reactions, N
+    normal_force: Floats  # (p, V) normal force of each friction contact with a normal contact, N
+    stuck_directions: Floats  # (n, h) orthonormal directions without motion because of rigidly sticking contacts
+    internal_factors: Floats  # (r,) factor of each internal state in the force of its contact, N per unit
+    internal_rate_factors: Floats  # (r, C) factors of the quantities of its law in the rate of each internal state
+    internal_rates: Floats  # (r, V) time derivatives of all internal states
     rates: Floats  # (N, V) time derivative of the state
 
     def __init__(self, equations: Equations, phases: Ints) -> None:
@@ -242,7 +241,7 @@ class StateEquations:
             self._add_pressing(drive)
         self.normal_force = self.law[c.pressed_contacts, NORMAL_FORCE]
         self.force = self._own_force = _products(self.factors, self.law)
-        applied = e.free - e.penetrations.T @ self.force  # generalised forces, the reactions of those that stick apart
+        applied = e.free - e.penetrations.T @ self.force  # without the reactions of sticking contacts
         self.stuck_directions, acceleration = np.zeros((e.system.size, 0)), applied
         sticking = np.flatnonzero(c.arrays.sticks_rigidly[every, phases])
         if sticking.size:
@@ -255,16 +254,16 @@ class StateEquations:
     def rates_at(self, z: Complexes) -> Complexes:
         """(N, k) time derivatives of states, for columns z (V, k).
 
-        The terms of each contact force are added before it acts along the contact's own shape: where both sides of a
-        stiff contact move together, or follow the base, the round-off of a product with `rates` would be a load of slow
-        motions.
+        The terms of each contact force are summed before they act along the shape of the contact. Multiplying by
+        `rates` instead would turn round-off into a load on slow motions, where both sides of a stiff contact move
+        together or follow the base.
         """
         e = self.equations
         applied = e.free @ z - e.penetrations.T @ (self._own_force @ z)
         return np.concatenate([z[e.velocities], self._without_balanced(applied), self.internal_rates @ z])
 
     def _add_pressing(self, drive: Floats) -> None:
-        """Enter the forces of contacts that press others, and their rates; ``drive`` is (m, R, C) of internal rates."""
+        """Add normal forces and their rates to the rows of the laws; ``drive`` (m, R, C): factors of internal rates."""
         c, law = self.equations.contacts, self.law
         i, factors = c.pressing_contacts, self.factors[c.pressing_contacts]
         law[c.pressed_contacts, NORMAL_FORCE] = _products(factors, law[i])
@@ -272,7 +271,7 @@ class StateEquations:
         law[c.pressed_contacts, NORMAL_FORCE_RATE] = factors[:, :1] * law[i, RATE] + of_states
 
     def _accelerations_with_reactions(self, sticking_contacts: Ints, applied_forces: Floats) -> Floats:
-        """(n, V) accelerations under generalised forces with reactions of contacts that stick, which are entered."""
+        """(n, V) accelerations under generalised forces and reactions of sticking contacts, which are stored."""
         left, size, right = np.linalg.svd(self.equations.penetrations[sticking_contacts], full_matrices=False)
         rank = int(np.sum(size > NEGLIGIBLE_SINGULAR_VALUE * size.max()))
         self.stuck_directions, share = right[:rank].T, (left[:, :rank] / size[:rank]) @ right[:rank]
@@ -282,9 +281,9 @@ class StateEquations:
         return self._without_balanced(applied_forces)
 
     def _without_balanced(self, applied_forces: NDArray[Number]) -> NDArray[Number]:
-        """(n, k) accelerations under generalised forces (n, k), the reactions of contacts that stick apart.
+        """(n, k) accelerations under generalised forces (n, k), without the reactions of sticking contacts.
 
-        What is left of forces that reactions balance wholly is zero, so that stuck contacts stay at rest.
+        Remainders below round-off are set to zero, so that stuck contacts stay at rest.
         """
         if not self.stuck_directions.shape[1]:
             return applied_forces
@@ -294,7 +293,7 @@ class StateEquations:
 
     @property
     def push(self) -> Floats:
-        """(m, n) generalised force for a unit of each contact's own force, friction that it presses included."""
+        """(m, n) generalised force for a unit force of each contact, including the friction that depends on it."""
         c, push = self.equations.contacts, -self.equations.penetrations
         np.add.at(
             push, c.pressing_contacts, self.factors[c.pressed_contacts, NORMAL_FORCE, None] * push[c.pressed_contacts]
@@ -303,13 +302,13 @@ class StateEquations:
 
     @property
     def openings(self) -> Floats:
-        """(m, V) distances of the contacts to their faces as these are now, m; 0 of what touches or is held."""
+        """(m, V) distances of the contacts to their faces, m; 0 for closed or sticking contacts."""
         c = self.equations.contacts
         return np.asarray(_products(c.arrays.opening[np.arange(c.count), self.phases], self.law))
 
     @cached_property
     def events(self) -> EventFunctions:
-        """What ends this contact state."""
+        """The events that can end this contact state."""
         c, a, phases = self.equations.contacts, self.equations.contacts.arrays, self.phases
         every, joining = np.arange(c.count), 0
         contact, place = np.nonzero(np.arange(a.guard.shape[2]) < a.guards[every, phases][:, None])
@@ -327,7 +326,7 @@ class StateEquations:
         return EventFunctions(contact.size, contact, after, all_rows, all_rows[: contact.size], reset, joining)
 
     def _joining_first(self, contact: Ints, place: Ints) -> tuple[Ints, Ints, int]:
-        """Contacts and guards (g,), and how many, the first ones then, are of contacts that join others at rest."""
+        """Contacts and guards (g,), those of contacts that join others at rest first, and their number."""
         shape, guard = self.equations.contacts.shape, self.equations.contacts.arrays.guard
         left = np.linalg.norm(shape - (shape @ self.stuck_directions) @ self.stuck_directions.T, axis=1)
         resting = left <= NEGLIGIBLE_SINGULAR_VALUE * np.linalg.norm(
@@ -338,9 +337,9 @@ class StateEquations:
         return contact[order], place[order], int(joins.sum())
 
     def _joining(self, contact: int, stick_phase: int) -> Floats:
-        """(V,) what ends the sliding of a contact whose motion others hold, so that its rate is zero.
+        """(V,) event function of a sliding contact whose motion others prevent, so that its rate is zero.
 
-        It sticks where that takes less than its limit: until then this is by how much the limit is exceeded, N.
+        It sticks when the required force is below its limit; until then the function is the excess over the limit, N.
         """
         c = self.equations.contacts
         limit = next(g.row for g in c.laws[contact].phases[stick_phase].guards if g.next == self.phases[contact])
@@ -348,32 +347,31 @@ class StateEquations:
         return np.asarray(-limit.reaction * law[REACTION] - limit.constant * law[CONSTANT])
 
     def state_after(self, event: int) -> Floats:
-        """(N, V) the state after an event, by the number of its function."""
+        """(N, V) the state after an event, by the index of its function."""
         state = self.equations.state.copy()
         if self.events.reset_row[event] >= 0:
             self._reset(state, event)
         return state
 
     def _reset(self, state: Floats, event: int) -> None:
-        """Put the rows of the states of a contact that an event sets into those of all states."""
+        """Write the rows of the states that an event resets into those of all states."""
         e, j, row = self.equations, int(self.events.contact[event]), int(self.events.reset_row[event])
         first, count = e.internal.start + int(e.contacts.first_state[j]), int(e.contacts.state_counts[j])
         state[first : first + count] = self.events.rows[row : row + count]
 
     @property
     def lost_by_rate(self) -> Floats:
-        """(m + r,) dissipated power per squared rate, of penetrations and of internal states, N s/m."""
+        """(m + r,) dissipated power per squared rate, of penetrations and internal states, N s/m."""
         c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
         of_states = c.arrays.state_dashpots[c.state_owner, self.phases[c.state_owner], c.state_column - INTERNAL]
         return np.concatenate([c.arrays.dissipative_force[every, self.phases, RATE], of_states])
 
     @cached_property
     def dissipation(self) -> tuple[Floats, Floats]:
-        """(m + r, V) dissipative forces in the contacts, N, and the rates on which they act, m/s; what events lose
-        comes on top."""
+        """(m + r, V) dissipative forces of the contacts, N, and their rates, m/s; without losses at events."""
         c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
         moved = self.law[:, RATE].copy()
-        if c.pressed_contacts.size:  # the spring of a slider gives way
+        if c.pressed_contacts.size:  # the spring of the slider extends
             moved[c.pressed_contacts] -= (
                 c.pressing_extensions(self.phases)[:, None] * self.law[c.pressed_contacts, NORMAL_FORCE_RATE]
             )
@@ -383,13 +381,13 @@ class StateEquations:
 
     @property
     def sliding_speeds(self) -> Floats:
-        """(m, V) speeds at which the contacts slide, m/s; 0 of those that do not."""
+        """(m, V) sliding speeds of the contacts, m/s; 0 for those that do not slide."""
         c = self.equations.contacts
         return np.asarray(c.sliding_directions(self.phases)[:, None] * self.dissipation[1][: c.count])
 
 
 def _products(rows: Floats, law: Any) -> Any:
-    """(k, V) of rows (k, C), each with what its own law depends on, (k, C, V)."""
+    """(k, V) products of rows (k, C) with the quantities of their laws, (k, C, V)."""
     return (rows[:, None, :] @ law)[:, 0]
 
 
@@ -397,13 +395,13 @@ Key = tuple[str, str]  # section and quantity
 
 
 class Sizes(NamedTuple):
-    """Numbers of coordinates, contacts, signals and cubic springs, which give the columns of the rows of channels.
+    """Numbers of coordinates, contacts, signals and cubic springs, which determine the columns of channel rows.
 
-    The parts of a row, by name: ``displacement``, ``velocity`` and ``acceleration`` for a unit of each coordinate;
-    ``contact`` for the force of each contact, N; ``opening`` for the distance of each contact to its face as it is now,
-    m, 0 while it touches; ``load`` for each signal of the forcing; ``base_acceleration`` and ``base_displacement``, for
-    m/s^2 and m of the base; ``constant``; ``cubic`` for the pull of each cubic spring, N, in addition
-    to what that does to the acceleration.
+    The blocks of a row are: ``displacement``, ``velocity`` and ``acceleration`` for a unit of each coordinate;
+    ``contact`` for the force of each contact, N; ``opening`` for the distance of each contact to its face, m, 0 if
+    closed; ``load`` for each signal of the loads; ``base_acceleration`` and ``base_displacement`` for m/s^2 and m of
+    the base; ``constant``; ``cubic`` for the force of each cubic spring, N, in addition to its effect on the
+    acceleration.
     """
 
     coordinates: int  # n
@@ -413,7 +411,7 @@ class Sizes(NamedTuple):
 
     @property
     def slices(self) -> dict[str, slice]:
-        """Columns of each part."""
+        """Columns of each block."""
         n, m, signals, cubic = self
         sizes = {
             "displacement": n, "velocity": n, "acceleration": n, "contact": m, "opening": m, "load": signals,
@@ -423,13 +421,13 @@ class Sizes(NamedTuple):
         return {name: slice(first, last) for name, first, last in zip(sizes, ends, ends[1:], strict=False)}
 
     def rows(self, count: int, **blocks: Floats | float) -> Floats:
-        """Rows of channels of which some parts are given, the others being zero.
+        """Rows of channels from blocks; other blocks are zero.
 
         Parameters
         ----------
-        count : k.
-        blocks : by name of the part, arrays (k, width of the part) or what broadcasts to it; (k,) of a part of one
-            column.
+        count : number of rows k.
+        blocks : for each name of a block an array (k, width of the block) or one that broadcasts to it; (k,) for a
+            block with one column.
 
         Returns
         -------
@@ -443,15 +441,15 @@ class Sizes(NamedTuple):
         return rows
 
     def part(self, rows: Floats, name: str) -> Floats:
-        """(k, width) one part of rows (k, W), a view."""
+        """(k, width) one block of rows (k, W), as a view."""
         return rows[:, self.slices[name]]
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One observable: of which item of which section of the scenario, what it is, in which unit.
+    """One observable: an item of a section of the scenario, with its quantity and unit.
 
-    The value is that of its row; of an energy, half the sum of the squares of several; along a body there are many.
+    Its value is that of its row; an energy is half the sum of squares of several rows; a body has many values.
     """
 
     section: str
@@ -459,13 +457,13 @@ class Channel:
     quantity: str
     unit: str
     rows: Floats  # (k, W), see `Sizes`
-    at: str = ""  # for people
+    at: str = ""  # place, for messages
     squared: bool = False
-    counts_pulling: bool = False  # a contact force that counts where it pulls as where it pushes: what it met is held
+    counts_pulling: bool = False  # a contact force that may be tensile, of a stop that has locked
 
     @property
     def key(self) -> Key:
-        """Section and quantity, which channels that are alike have in common."""
+        """Section and quantity, which channels of the same type share."""
         return self.section, self.quantity
 
     @property
@@ -475,7 +473,7 @@ class Channel:
 
 
 class Places(dict[Key, Ints]):
-    """Columns by section and quantity; none of what there is not."""
+    """Columns by section and quantity; empty for unknown keys."""
 
     def __missing__(self, key: Key) -> Ints:
         return np.zeros(0, dtype=np.int64)
@@ -483,15 +481,15 @@ class Places(dict[Key, Ints]):
 
 @dataclass(eq=False)
 class ChannelSet:
-    """Some channels of a system, which are evaluated together; C columns of values."""
+    """Several channels of a system that are evaluated together, with C columns of values."""
 
     channels: tuple[Channel, ...]
     sizes: Sizes
-    linear: Floats = field(init=False)  # rows of the linear channels, of which each is a value
+    linear: Floats = field(init=False)  # rows of the linear channels, one for each value
     squared: Floats = field(init=False)  # rows of the energies
-    rows: Floats = field(init=False)  # all of them, those of the linear channels first
-    squares: Ints = field(init=False)  # first of the rows of each energy
-    order: Ints = field(init=False)  # (C,) numbers of the columns among those of linear channels, then of energies
+    rows: Floats = field(init=False)  # all rows, first those of the linear channels
+    squares: Ints = field(init=False)  # index of the first row of each energy
+    order: Ints = field(init=False)  # (C,) index of each column among the linear channels, then energies
     first_columns: list[tuple[Channel, int]] = field(init=False)  # each channel with its first column
     places: Places = field(init=False)  # columns of the values by section and quantity
 
@@ -512,19 +510,19 @@ class ChannelSet:
         self.places = Places({key: np.array(columns, dtype=np.int64) for key, columns in places.items()})
 
     def select(self, predicate: Callable[[Channel], bool]) -> ChannelSet:
-        """The channels for which `wanted` returns True."""
+        """The channels for which a predicate is true."""
         return ChannelSet(tuple(filter(predicate, self.channels)), self.sizes)
 
     def of_keys(self, *keys: Key) -> ChannelSet:
-        """Those of some sections and quantities, key after key."""
+        """The channels with some sections and quantities, key by key."""
         return ChannelSet(tuple(c for key in keys for c in self.channels if c.key == key), self.sizes)
 
     def without(self, *keys: Key) -> ChannelSet:
-        """All but those of some sections and quantities."""
+        """All channels except those with some sections and quantities."""
         return self.select(lambda channel: channel.key not in keys)
 
     def values(self, row_values: Floats) -> Floats:
-        """(nt, C) values from those of the rows (nt, k): of the linear channels, then of the energies."""
+        """(nt, C) values from the values of the rows (nt, k): linear channels, then energies."""
         linear, squared = np.split(row_values, [self.linear.shape[0]], axis=1)
         if self.squares.size:
             linear = np.hstack([linear, np.add.reduceat(0.5 * squared**2, self.squares, axis=1)])

@@ -24,21 +24,20 @@ from beamsim.scenario.connections import MeasuredForces, check_points
 from beamsim.scenario.files import DecimalMark
 from beamsim.typing import Floats
 
-LOOP_WIDTH = 0.02  # width of a loop over the largest force, above which its work counts
+LOOP_WIDTH = 0.02  # width of a loop relative to the largest force, above which its energy loss matters
 _DIMENSIONS = {"length": units.LENGTH, "force": units.FORCE, "time": units.TIME}
 
 
 @dataclass(frozen=True)
 class TableOfStop:
-    """The curve of a stop and what there is to say about it."""
+    """The curve of a stop, with remarks about it."""
 
     curve: ForceCurve
-    misfit: float  # N, root mean square; 0 where the points are the curve
+    misfit: float  # N, root mean square; 0 if the points are the curve
     remark: str = ""
 
     def scaled(self, factor: float, segment_factors: Sequence[float]) -> TableOfStop:
-        """All forces multiplied by a factor, and the stiffness of each segment by one of its own, where these are
-        given."""
+        """A copy with all forces multiplied by a factor, and each segment's stiffness by its own factor."""
         if factor == 1.0 and not segment_factors:
             return self
         force = factor * self.curve.force
@@ -48,7 +47,7 @@ class TableOfStop:
 
 
 def curves_of(scenario: Scenario) -> tuple[ForceCurve | None, ...]:
-    """The curve of each snubber, None of one with a stiffness; raises as `force_tables`."""
+    """The curve of each snubber, None for one with a stiffness; errors as for `force_tables`."""
     tables = force_tables(scenario)
     return tuple(
         tables[at].curve if (at := path_text(each.path)) in tables else None for each in scenario.located_snubbers
@@ -56,12 +55,12 @@ def curves_of(scenario: Scenario) -> tuple[ForceCurve | None, ...]:
 
 
 def force_tables(scenario: Scenario) -> dict[str, TableOfStop]:
-    """The tables of snubbers by their paths; those with a stiffness have none.
+    """The curves of snubbers with a table, by path.
 
     Raises
     ------
     ScenarioError
-        For files that cannot be read and points that are no rising curve from zero.
+        For files that cannot be read, and points that are not a rising curve from zero.
     """
     return {
         path_text(path): _table_of(scenario, (*path, "force_deflection"), snubber.table)
@@ -71,7 +70,7 @@ def force_tables(scenario: Scenario) -> dict[str, TableOfStop]:
 
 
 def _table_of(scenario: Scenario, path: Path, table: MeasuredForces) -> TableOfStop:
-    """The table at a path; both stops of a pair have the same."""
+    """The curve at a path; both stops of a pair have the same."""
     file = None
     if table.file is not None:
         file = find_file(table.file, scenario.folder_of(*path, "file"), scenario.folder_of(*path))
@@ -81,7 +80,7 @@ def _table_of(scenario: Scenario, path: Path, table: MeasuredForces) -> TableOfS
     try:
         changed = 0 if file is None else _last_change(file)
         as_given = table.model_copy(update={"scale": 1.0, "segment_factors": ()})
-        measured = _table(as_given, file, changed)  # is fitted once for all factors
+        measured = _table(as_given, file, changed)  # fitted once for all factors
     except InvalidValueError as error:
         where = path if file is not None else (*path, *error.at)
         raise ScenarioError(problem(where, _of_file(file, error.at) + error.message, error.remedy)) from None
@@ -100,7 +99,7 @@ def _table_of(scenario: Scenario, path: Path, table: MeasuredForces) -> TableOfS
 
 
 def _last_change(file: FilePath) -> int:
-    """Time of the last change of a file that can be opened, ns."""
+    """Time of the last change of a file, ns; 0 if it cannot be accessed."""
     with open_input(file) as opened:
         return os.fstat(opened.fileno()).st_mtime_ns
 
@@ -114,7 +113,7 @@ def _of_file(file: FilePath | None, path: Sequence[str | int]) -> str:
 
 @lru_cache(maxsize=64)
 def _table(table: MeasuredForces, file: FilePath | None, change_time: int) -> TableOfStop:
-    """``change_time`` is the time of the file's last change: it tells versions of a file apart."""
+    """The curve of a table; ``change_time`` is the time of the file's last change and distinguishes its versions."""
     if file is None:
         assert table.points is not None
         deflection, force = np.array(table.points, dtype=float).T
@@ -129,12 +128,15 @@ def _table(table: MeasuredForces, file: FilePath | None, change_time: int) -> Ta
     return TableOfStop(curve, misfit, "; ".join(remarks))
 
 
-LARGEST_OFFSET = 0.05  # of the largest force or deflection, at the beginning of contact
-SMALL_OFFSET, FEWEST_FOR_OFFSET = 0.01, 8  # of the largest force, that is remarked on; of deflections that tell it
-FREE_TRAVEL_SLOPE = 0.01  # of the steepest slope, below which the beginning of a fitted curve is free travel
-POOR_FIT = 0.05  # misfit over the largest force, beyond which more segments are advised
+LARGEST_OFFSET = 0.05  # relative to the largest force or deflection, at the start of contact
+SMALL_OFFSET = 0.01  # relative to the largest force, above which a remark is made
+FEWEST_FOR_OFFSET = 8  # deflections needed for that remark
+FREE_TRAVEL_SLOPE = 0.01  # relative to the steepest slope, below which the start of a fitted curve is free travel
+POOR_FIT = 0.05  # misfit relative to the largest force, above which more segments are recommended
 LIMITED_ROWS, LIMITED_TRAVEL = 3, 0.1  # at exactly the largest force: rows, and share of the largest deflection
-REMEDY_OF_OFFSET = "subtract from the column of {} what it reads where contact begins; a real free travel is the gap"
+REMEDY_OF_OFFSET = (
+    "subtract the reading at the beginning of contact from the column of {}; a real free travel is the gap"
+)
 
 
 class FittedForces(NamedTuple):
@@ -142,16 +144,16 @@ class FittedForces(NamedTuple):
 
     curve: ForceCurve
     misfit: float  # N, root mean square of the points' distances from the curve
-    remarks: tuple[str, ...]  # what is doubtful about the points or the curve
+    remarks: tuple[str, ...]  # doubts about the points or the curve
 
 
 def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedForces:
-    """`fit_curve` to measured points without an offset, with which a curve through zero has another stiffness.
+    """Fit a curve to measured points; refuse an offset, which would change the stiffness of a curve through zero.
 
     Parameters
     ----------
     deflection, force : (p,) points, m and N.
-    segments : largest number of them.
+    segments : largest number of segments.
 
     Returns
     -------
@@ -160,10 +162,10 @@ def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedFor
     Raises
     ------
     InputFileError
-        Where the force begins at a deflection of more than 5 % of the largest one, or is more than 5 % of the largest
-        one at zero deflection, or compression counts negative.
+        If the force begins at a deflection of more than 5 % of the largest one, or is more than 5 % of the largest
+        one at zero deflection, or compression is negative.
     ValueError
-        As `fit_curve`.
+        As for `fit_curve`.
     """
     _demand_positive(deflection, force)
     curve, misfit = fit_curve(deflection, force, segments)
@@ -196,12 +198,12 @@ def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedFor
 
 
 def _small_offset(x: Floats, y: Floats, at_zero: float) -> list[str]:
-    """A remark on a force at zero deflection, N, of more than 1 % of the largest one, that is none of its scatter.
+    """A remark on a force at zero deflection, N, above 1 % of the largest one, that is larger than the scatter.
 
     Parameters
     ----------
     x, y : (p,) increasing deflections, m, and forces, N.
-    at_zero : the force there.
+    at_zero : force at zero deflection.
     """
     first, largest = x <= 0.5 * x[-1], float(y.max())
     if abs(at_zero) <= SMALL_OFFSET * largest or np.unique(x[first]).size < FEWEST_FOR_OFFSET:
@@ -217,7 +219,7 @@ def _small_offset(x: Floats, y: Floats, at_zero: float) -> list[str]:
 
 
 def _demand_positive(deflection: Floats, force: Floats) -> None:
-    """Refuse a curve of which most points are no compression until the sign of a column is changed.
+    """Refuse points in which most compressions have a negative sign in a column.
 
     Raises
     ------
@@ -232,7 +234,7 @@ def _demand_positive(deflection: Floats, force: Floats) -> None:
 
 
 def _limited(x: Floats, y: Floats) -> list[str]:
-    """A remark on increasing deflections over which the force stays at exactly its largest value.
+    """A remark on a range of deflections with exactly the largest force, which suggests a limited sensor.
 
     >>> _limited(np.arange(5.0) * 1e-3, np.array([0.0, 20.0, 40.0, 40.0, 40.0]))[0].partition(":")[0]
     'the force stays at exactly 40 N from 2 mm on'
@@ -247,7 +249,7 @@ def _limited(x: Floats, y: Floats) -> list[str]:
 
 
 def free_travel(curve: ForceCurve) -> float:
-    """Deflection, m, at the beginning of a fitted curve over which it has no force; zero below 5 % of the largest one.
+    """Deflection, m, at the start of a fitted curve with no force; zero if below 5 % of the largest deflection.
 
     >>> free_travel(ForceCurve(np.array([0.0, 3e-4, 1e-3]), np.array([0.0, 0.0, 45.0])))
     0.0003
@@ -264,26 +266,26 @@ def free_travel(curve: ForceCurve) -> float:
 def read_forces(
     file: FilePath, columns: Sequence[str] = (), decimal: DecimalMark | None = None
 ) -> tuple[Floats, Floats, Floats | None]:
-    """Deflections, m, forces, N, and times, s, where there is a column of them.
+    """Read deflections, m, forces, N, and, if present, times, s.
 
-    Columns are distinguished by the dimension of the units in their headings.
+    Columns are recognised by the dimension of the units in their headings.
 
     Parameters
     ----------
-    file : of the table.
-    columns : headings of those that are meant, where several have the same dimension.
-    decimal : decimal mark of the numbers, where the user states it.
+    file : file of the table.
+    columns : headings of the columns to use, if several have the same dimension.
+    decimal : decimal mark of the numbers, if the user gives it.
 
     Returns
     -------
     tuple
-        Deflections, forces and times, (n,) each; None in place of times that are not in the file.
+        Deflections, forces and times, (n,) each; None for missing times.
 
     Raises
     ------
     InputFileError
-        If the file cannot be read, lacks a column, has several of the same dimension of which none is meant, or has a
-        row that is not complete.
+        If the file cannot be read, lacks a column, has several of the same dimension without a choice, or has an
+        incomplete row.
     """
     table = read_file(file, decimal)
     with np.errstate(over="ignore"):
@@ -307,7 +309,7 @@ def read_forces(
 
 
 def _remarks(width: float, file: FilePath | None, time: Floats | None, segments: int) -> tuple[str, ...]:
-    """What to say about a loop of this width: the curve goes through its middle."""
+    """Remarks on a loop of this width, whose mean is used as the curve."""
     if width <= LOOP_WIDTH:
         return ()
     remark = f"loading and unloading differ by {width:.2g} of the largest force, and the curve runs between them"

@@ -1,4 +1,4 @@
-"""Channels that a scenario asks for in its outputs."""
+"""Channels of the outputs that a scenario requests."""
 
 from __future__ import annotations
 
@@ -34,43 +34,43 @@ def output_channels(
     contacts: Contacts,
     forcing: Forcing,
 ) -> tuple[Channel, ...]:
-    """The outputs that a scenario asks for.
+    """The outputs that a scenario requests.
 
     Parameters
     ----------
-    model : of the scenario.
-    recoveries : of the bodies, with stations at `output_sites`.
-    contact_sites : (m,) where the contacts act.
-    contacts, forcing : of the system.
+    model : reduced model of the scenario.
+    recoveries : recovered quantities of the bodies, with stations at `output_sites`.
+    contact_sites : (m,) places of the contacts.
+    contacts, forcing : contacts and loads of the system.
 
     Returns
     -------
-    A channel for every output, in the scenario's order.
+    One channel for every output, in the order of the scenario.
 
     Raises
     ------
     ScenarioError
-        Where an output asks for what its place or joint has not.
+        If an output does not exist for its place or joint.
     """
     asked = _OutputContext(model, recoveries, contact_sites, contacts, forcing)
     return tuple(asked.channel(path, output) for path, output in model.scenario.requested_outputs)
 
 
 def output_sites(model: ReducedModel) -> list[Site]:
-    """Places at which moments are asked for."""
+    """Places at which moments are requested."""
     return [site_in(model.scenario, each) for _, each in model.scenario.requested_outputs if each.kind in _BENDING]
 
 
-_BY_ORDER = ("displacement", "velocity", "acceleration")  # by the order of their time derivative
+_BY_ORDER = ("displacement", "velocity", "acceleration")  # by order of the time derivative
 _BENDING = ("bending_moment", "stress", "strain")
 
 
-ROUND_OFF = 1e-14  # of the largest eigenvalue of an energy: smaller ones are left out
+ROUND_OFF = 1e-14  # relative to the largest eigenvalue of an energy; smaller ones are omitted
 
 
 @dataclass(frozen=True)
 class _OutputContext:
-    """What the outputs of one scenario share."""
+    """Data that all outputs of a scenario need."""
 
     model: ReducedModel
     recoveries: Sequence[Recovery]
@@ -80,17 +80,17 @@ class _OutputContext:
 
     @cached_property
     def supports(self) -> tuple[Support, ...]:
-        """All of the structure."""
+        """All supports of the structure."""
         return supports_of(self.model.structure)
 
     @cached_property
     def force_sites(self) -> list[LoadSite]:
-        """Where the forces of the excitation act, in the order of the signals; none of base motion."""
+        """Places of the excitation's forces, in the order of the signals; without base motions."""
         return [load_site_in(self.model.scenario, force.applied_to) for _, force in self.model.acting_loads.forces]
 
     @cached_property
     def cubic_sites(self) -> list[Site]:
-        """Where cubic springs act."""
+        """Places of the cubic springs."""
         return [snubber_site(s) for s in self.model.scenario.nonlinear_springs if s.item.kind == "cubic"]
 
     @cached_property
@@ -101,7 +101,7 @@ class _OutputContext:
         )  # fmt: skip
 
     def channel(self, path: Path, output: Any) -> Channel:
-        """That of one output."""
+        """The channel of one output."""
         kind = output.kind
         if kind.startswith("reaction"):
             return self._reaction(path, output)
@@ -122,9 +122,7 @@ class _OutputContext:
         moved = self.model.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
         load = np.zeros((1, len(self.forcing.signal)))
-        for (
-            each
-        ) in self.model.moving_supports:  # what moves with a support has its motion in addition to that of free dofs
+        for each in self.model.moving_supports:  # added to the motion of the free dofs
             load[0, self.model.acting_loads.signals[each.path, quantity]] = each.support.direct(place)
         return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
 
@@ -155,7 +153,7 @@ class _OutputContext:
         at = place.coordinate, place.across, output.component or "x"
         weights = recovery.strain_weights(*at) if output.kind == "strain" else recovery.moment_weights(*at)
         if output.kind == "stress":
-            assert recovery.stress_per_moment is not None  # the scenario has seen to it
+            assert recovery.stress_per_moment is not None  # the scenario ensures this
             weights = weights * recovery.stress_per_moment
         if output.kind != "bending_moment" and output.surface != "bottom":
             weights = -weights
@@ -191,7 +189,7 @@ class _OutputContext:
         return self._summed(output, output.joint, [(1.0, fitting)])
 
     def _of_base(self, output: Any) -> Channel:
-        """All supports and joints that move with the base, and the contacts on it, by their work along its motion."""
+        """The channel of the base: supports, joints and contacts on it, by their work along its motion."""
         structure = self.model.structure
         base = output_direction(self.model.scenario, output)
         supports = self.supports if base == UPWARDS else supports_of(structure, base)
@@ -207,7 +205,7 @@ class _OutputContext:
         return replace(channel, rows=rows)
 
     def _summed(self, output: Any, place_text: str, supports: Sequence[tuple[float, Support]]) -> Channel:
-        """The sum of the forces of supports, each with a factor."""
+        """A channel for the sum of support forces with factors."""
         scenario, structure = self.model.scenario, self.model.structure
         vectors = self.model.basis.vectors / np.sqrt(structure.mass_scale)
 
@@ -253,12 +251,12 @@ class _OutputContext:
         )  # fmt: skip
 
     def _energy(self, output: Any) -> Channel:
-        """Half the sum of squares of rows: the form of the coordinates and of supports that move the body."""
+        """A channel for an energy: half the sum of squares of rows, including moving supports."""
         member = self.model.structure.member(output.body or self.model.scenario.default_body)
         body, whole, kinetic = member.body, member.structure, output.kind == "kinetic_energy"
         fields = (member.expansion @ self.model.basis.vectors) / np.sqrt(whole.mass_scale)
         moved = [each.support for each in self.model.moving_supports]
-        part = 1 if kinetic else 0  # of the forces of a support: by mass or stiffness
+        part = 1 if kinetic else 0  # index of the forces of a support: by mass or stiffness
         n = fields.shape[1]
         form = np.zeros((n + len(moved), n + len(moved)))
         if kinetic:
@@ -270,7 +268,7 @@ class _OutputContext:
             if body.name in one.forces:
                 form[:n, n + k] = form[n + k, :n] = fields.T @ one.forces[body.name][part]
                 form[n + k, n:] = [one.on_body(body.name, other)[part] for other in moved]
-        scale = np.ones(n + len(moved))  # of supports metres next to sqrt(kg) m
+        scale = np.ones(n + len(moved))  # moving supports have metres, coordinates sqrt(kg) m
         scale[n:] = np.sqrt(np.diag(form)[n:] / max(np.diag(form)[:n].max(), np.finfo(float).tiny))
         scale[scale == 0.0] = 1.0
         values, vectors = np.linalg.eigh((form + form.T) / (2 * np.outer(scale, scale)))

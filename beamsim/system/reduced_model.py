@@ -1,12 +1,12 @@
-r"""A scenario's structure in reduced coordinates, what acts on it, and supports that move by signals of their own.
+r"""A scenario's structure in reduced coordinates, its loads, and moving supports.
 
-Supports that move load the degrees of freedom that they leave. With b the motion of a support, the others being held,
-and q the degrees of freedom relative to the base,
+Moving supports load the remaining degrees of freedom. With b the motion of one support, the others being fixed, and q
+the degrees of freedom relative to the base,
 
 .. math:: M_{qq} \ddot q + C_{qq} \dot q + K_{qq} q = f - M_{qb} \ddot b - C_{qb} \dot b - K_{qb} b.
 
 Matrices and dashpots have their own :math:`C_{qb}`. Modal and Rayleigh damping act on the motion relative to the static
-shape :math:`\psi = -K_{qq}^{-1} K_{qb}`, so that there :math:`C_{qb} = -C_{qq} \psi`.
+shape :math:`\psi = -K_{qq}^{-1} K_{qb}`, so that :math:`C_{qb} = -C_{qq} \psi`.
 """
 
 from __future__ import annotations
@@ -45,29 +45,29 @@ from beamsim.structures.structure import LoadPattern, ReducedBasis, Structure
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.typing import Floats
 
-MOST_BUILDS = 8  # of each sort; the one not used for longest is dropped
+MOST_BUILDS = 8  # of each kind; the least recently used one is dropped
 
 Built = TypeVar("Built")
 
 
 class SharedBuilds:
-    """Structures, reduced structures and signals by what each depends on."""
+    """Cache of structures, reduced structures and signals, by the data that they depend on."""
 
     def __init__(self) -> None:
         self._kept: defaultdict[str, OrderedDict[Hashable, Any]] = defaultdict(OrderedDict)
 
     def once(self, kind: str, key: Hashable, build: Callable[[], Built]) -> Built:
-        """What ``build`` gives for a key.
+        """Build an object, or return it if it was built before.
 
         Parameters
         ----------
-        kind : what is built; of each sort the `MOST_BUILDS` used last are kept.
-        key : all that it depends on.
-        build : makes it.
+        kind : kind of object; the `MOST_BUILDS` most recently used of each kind are stored.
+        key : all data that the object depends on.
+        build : function that builds it.
 
         Returns
         -------
-        What was built, now or before.
+        The object.
         """
         kept = self._kept[kind]
         if key not in kept:
@@ -81,14 +81,14 @@ class SharedBuilds:
 
 @dataclass(frozen=True)
 class MovingSupport:
-    """A support of the structure and what moves it."""
+    """A support of the structure, with the excitation that moves it."""
 
     path: Path
     excitation: SingleExcitation
     support: Support
 
     def pattern(self, structure: Structure) -> LoadPattern:
-        """The load of a unit motion that is held for ever."""
+        """The load of a constant unit displacement."""
         return LoadPattern(-self.support.on_dofs[0] / structure.stiffness_scale, self.support.motion)
 
     def static_shape(self, structure: Structure, basis: ReducedBasis) -> Floats:
@@ -97,17 +97,17 @@ class MovingSupport:
         return np.asarray(basis.vectors.T @ momentum * np.sqrt(structure.mass_scale))
 
     def loads(self, structure: Structure, basis: ReducedBasis, damping: Floats) -> tuple[Floats, Floats, Floats]:
-        """The loads on the reduced structure.
+        """Loads of a unit motion on the reduced structure.
 
         Parameters
         ----------
-        structure, basis : that the support belongs to, and its reduced coordinates.
+        structure, basis : structure with the support, and its reduced coordinates.
         damping : (n, n) C, 1/s.
 
         Returns
         -------
         tuple
-            (n,) per acceleration, velocity and displacement of the support.
+            (n,) each, for unit acceleration, velocity and displacement of the support.
         """
         vectors = basis.vectors / np.sqrt(structure.mass_scale)
         if structure.damping is not None:
@@ -117,16 +117,16 @@ class MovingSupport:
 
 
 class ActingLoads(NamedTuple):
-    """What the excitation consists of, each with its path."""
+    """The parts of the excitation, with their paths."""
 
     forces: list[tuple[Path, SingleExcitation]]
-    supports: list[tuple[Path, SingleExcitation]]  # that move
-    stops: list[tuple[Path, SingleExcitation]]  # that move
-    base: tuple[Path, SingleExcitation] | None  # None where it is at rest
+    supports: list[tuple[Path, SingleExcitation]]  # moving supports
+    stops: list[tuple[Path, SingleExcitation]]  # moving stops
+    base: tuple[Path, SingleExcitation] | None  # None if it is at rest
 
     @classmethod
     def of(cls, scenario: Scenario) -> ActingLoads:
-        """That of a scenario; of no excitation nothing."""
+        """The parts of a scenario's excitation; empty without excitation."""
         forces, supports, stops, base = [], [], [], None
         for place, each in scenario.excitation.items:
             item, on = (("excitation", *place), each), each.applied_to
@@ -142,9 +142,9 @@ class ActingLoads(NamedTuple):
 
     @property
     def signals(self) -> dict[tuple[Path, str], int]:
-        """Number of each signal of the loads, by the path of what gives it and its quantity.
+        """Index of each load signal, by the path of its excitation and its quantity.
 
-        That of the base's displacement is there only where springs to the ground feel it.
+        The displacement of the base is included only if springs to the ground need it.
         """
         named = [
             *((path, "force") for path, _ in self.forces),
@@ -162,7 +162,7 @@ def moving_supports(scenario: Scenario, structure: Structure) -> list[MovingSupp
     Raises
     ------
     ScenarioError
-        Where the structure has no such support.
+        If the structure has no such support.
     """
     supports = supports_of(structure)
     return [
@@ -192,18 +192,18 @@ def _support_of_excitation(scenario: Scenario, supports: Sequence[Support], path
 
 
 def supports_named(supports: Sequence[Support], body: str, name: str, path: Path) -> list[Support]:
-    """What a support of a body holds.
+    """All supports with a name on a body.
 
     Parameters
     ----------
-    supports : of the structure.
-    body, name : of the support.
-    path : where it is asked for.
+    supports : supports of the structure.
+    body, name : names of body and support.
+    path : path of the reference, for the error.
 
     Raises
     ------
     ScenarioError
-        Where the body has no such support.
+        If the body has no such support.
     """
     on_body = [each for each in supports if each.body == body and each.site is None]
     named = [each for each in on_body if each.name == name]
@@ -215,13 +215,13 @@ def supports_named(supports: Sequence[Support], body: str, name: str, path: Path
 
 
 def check_determined(support: Support, path: Path, consequence: str) -> Support:
-    """The support, if its force follows from the motion.
+    """Return a support if its force is determined by the motion; otherwise raise an error.
 
     Parameters
     ----------
-    support : of a joint, or of a body.
-    path : where it is asked for.
-    consequence : of a force that does not, for people.
+    support : support of a joint or a body.
+    path : path of the reference, for the error.
+    consequence : consequence of an undetermined force, for the message.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def check_determined(support: Support, path: Path, consequence: str) -> Support:
 
 
 def check_places(moving_supports: Sequence[MovingSupport], places: Sequence[tuple[Path, Site]]) -> None:
-    """Refuse contacts and probes on what moves with a support: their motion is not that of a free point."""
+    """Refuse contacts and probes at places that move with a support: their motion is not that of a free point."""
     problems = []
     for path, site in places:
         ends = (site.first, site.second) if isinstance(site, Link) else (site,)
@@ -261,14 +261,14 @@ class ReducedModel:
     basis: ReducedBasis
     shared: SharedBuilds
     acting_loads: ActingLoads
-    moving_supports: tuple[MovingSupport, ...] = ()  # supports that move
+    moving_supports: tuple[MovingSupport, ...] = ()  # moving supports
     default_reduction: bool = False  # whether the scenario leaves the number of modes to the program
-    base: BaseDirection | None = field(init=False)  # how the excitation moves the base; None where it is at rest
+    base: BaseDirection | None = field(init=False)  # motion of the base by the excitation; None if it is at rest
     omega: Floats = field(init=False)  # (n,) rad/s
     stiffness: Floats = field(init=False)  # (n,) diagonal of K, rad^2/s^2
-    snubber_sites: list[Site] = field(init=False)  # where the snubbers sit
-    spring_sites: list[Site] = field(init=False)  # where nonlinear springs, joints and friction contacts sit
-    probe_sites: list[Site] = field(init=False)  # where the probes sit
+    snubber_sites: list[Site] = field(init=False)  # places of the snubbers
+    spring_sites: list[Site] = field(init=False)  # places of nonlinear springs, joints and friction contacts
+    probe_sites: list[Site] = field(init=False)  # places of the probes
 
     def __post_init__(self) -> None:
         self.base = base_direction(self.scenario)
@@ -280,7 +280,7 @@ class ReducedModel:
 
     @property
     def highest_hz(self) -> float:
-        """The frequency that the kept modes serve, Hz."""
+        """Highest frequency for which the modes were selected, Hz."""
         return self.basis.highest_frequency * self.structure.frequency_scale / (2 * np.pi)
 
     @cached_property
@@ -289,41 +289,41 @@ class ReducedModel:
         return reduced_damping(self.structure, self.basis, self.omega)
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), of a unit base motion."""
+        """(n,) modal inertia, sqrt(kg), and force of springs to the ground, N/(m sqrt(kg)), for a unit base motion."""
         inertia, ground = self.structure.base_load(motion)
         scale = np.sqrt(self.structure.mass_scale)
         return np.asarray((inertia @ self.basis.vectors) * scale), np.asarray(ground @ self.basis.vectors) / scale
 
     def shape(self, load: Any) -> Floats:
-        """(n,) what the work of a load of unit level is for a unit of each coordinate, 1/sqrt(kg) times its unit."""
+        """(n,) generalised force of a unit load, 1/sqrt(kg) times the unit of the load."""
         return np.asarray(self.shapes([load_site_in(self.scenario, load)])[0])
 
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
-        """(m, n) deflection, of links extension, at sites for a unit of each coordinate, 1/sqrt(kg)."""
+        """(m, n) deflection (for links the extension) at sites for a unit of each coordinate, 1/sqrt(kg)."""
         key, scale = (self.basis, tuple(sites)), np.sqrt(self.structure.mass_scale)
         return self.shared.once("shapes", key, lambda: self.structure.rows(sites) @ self.basis.vectors / scale)
 
     def recoveries(self, sites: Sequence[LoadSite]) -> tuple[Recovery, ...]:
-        """What can be recovered along each body, with stations at the sites; damping has no part in it."""
+        """Quantities that can be recovered along each body, with stations at the sites; independent of damping."""
         key, recovered = (self.basis, tuple(sites), self.base), self.structure.recoveries
         return self.shared.once("recoveries", key, lambda: recovered(self.basis, sites, self.base))
 
     def base_participations(self, sites: Sequence[Site]) -> Floats:
-        """(k,) motion of places for a unit motion of the base; 1 of links, which do not feel it, and where it rests."""
+        """(k,) motion of places for a unit motion of the base; 1 for links, and if the base is at rest."""
         if self.base is None:
             return np.ones(len(sites))
         moved = [1.0 if isinstance(at, Link) else self.structure.base_motion_at(at, self.base) for at in sites]
         return np.array([1.0 if abs(lever - 1.0) < 1e-9 else lever for lever in moved])
 
     def influence(self, signals: int) -> Floats:
-        """(k, L) displacement of each snubber's place from its stand by a unit of each of so many signals of the loads.
+        """(k, L) displacement of each snubber's place relative to its mounting, for a unit of each of the load signals.
 
-        They are -1 where a support or the snubber itself moves its stand.
+        Entries are -1 if a support or the snubber's own motion moves its mounting.
 
         Raises
         ------
         ScenarioError
-            Where a snubber is mounted on a support that there is not.
+            If a snubber is mounted on a support that does not exist.
         """
         scenario, number = self.scenario, self.acting_loads.signals
         influence = np.zeros((len(self.snubber_sites), signals))
@@ -347,14 +347,14 @@ class ReducedModel:
 def build_reduced_model(
     scenario: Scenario, extra_places: Sequence[Place] = (), shared: SharedBuilds | None = None, least_hz: float = 0.0
 ) -> ReducedModel:
-    """Assemble and reduce the structure of a scenario, with static vectors at further places.
+    """Assemble and reduce the structure of a scenario, with static vectors at additional places.
 
     Parameters
     ----------
-    scenario : a validated scenario.
-    extra_places : the further places.
-    shared : keeps what is built for other scenarios with the same structure.
-    least_hz : the frequency that the default number of modes serves at least.
+    scenario : a valid scenario.
+    extra_places : the additional places.
+    shared : cache of parts built for other scenarios with the same structure.
+    least_hz : frequency up to which the default number of modes is at least valid.
 
     Returns
     -------
@@ -363,19 +363,19 @@ def build_reduced_model(
     Raises
     ------
     ScenarioError
-        Where matrices do not know a direction that is asked for.
+        If imported matrices lack a required direction.
     """
     shared = SharedBuilds() if shared is None else shared
     bodies, acting = tuple(scenario.all_bodies.items()), ActingLoads.of(scenario)
     driven = tuple((path, each.applied_to) for path, each in acting.supports)
     contacts = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
-    # a place in an element that ends at a support which moves would move with it
+    # a place in an element next to a moving support would move with the support
     nodes = (*_sensor_places(scenario, contacts), *extra_places) if driven else ()
     structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moving = moving_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
         _check_directions(scenario, structure)
-    # where forces act whose static deflections the reduced model needs
+    # places of forces, whose static deflections the reduced model needs
     sites: list[LoadSite] = [*contacts, *force_sites(scenario), *extra_places]
     asked = _reduction_arguments(scenario, structure, least_hz)
     gravity = tuple(direction for direction, _ in gravity_loads(scenario))
@@ -394,7 +394,7 @@ def _patterns(
     gravity: Sequence[BaseDirection],
     moving_supports: Sequence[MovingSupport],
 ) -> list[LoadPattern]:
-    """The loads whose static deflections a reduced model keeps."""
+    """The loads whose static deflections a reduced model includes."""
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
     springs = [*structure.couplings, *(each for member in structure.members for each in member.body.end_springs)]
     patterns += [LoadPattern(structure.own_row(each.site), each) for each in springs if each.dashpot]
@@ -403,13 +403,13 @@ def _patterns(
 
 
 def _sensor_places(scenario: Scenario, contacts: Sequence[Site]) -> list[Place]:
-    """Where contacts act and motions are recorded."""
+    """Places of contacts and of recorded motions."""
     sites = [*contacts, *(site_in(scenario, probe) for probe in scenario.effective_probes)]
     return list(dict.fromkeys(end for site in sites for end in ends_of(site)))
 
 
 def _check_directions(scenario: Scenario, structure: Structure) -> None:
-    """Refuse what imported matrices do not know enough for: the base's direction, and those of gravity."""
+    """Refuse imported matrices that lack the direction of the base motion or of gravity."""
     asked = {"gravity": [direction for direction, _ in gravity_loads(scenario)]}
     if (moving := base_direction(scenario)) is not None:
         asked["excitation.direction"] = [moving]
@@ -425,25 +425,25 @@ def _check_directions(scenario: Scenario, structure: Structure) -> None:
 
 
 def base_direction(scenario: Scenario) -> BaseDirection | None:
-    """How the excitation moves the base; None where the base is at rest."""
+    """Motion of the base by the excitation; None if the base is at rest."""
     moving = ActingLoads.of(scenario).base
     return None if moving is None else _named(scenario, moving[1].direction or "", point_of(moving[1].about))
 
 
 def output_direction(scenario: Scenario, output: Any) -> BaseDirection:
-    """The motion of the base that the force or moment of the whole base, an output, works along."""
+    """Motion of the base whose work defines an output's total force or moment of the base."""
     rotates = output.kind == "reaction_moment"
     return _named(scenario, output.direction or ("ry" if rotates else ""), point_of(output.about))
 
 
 def _named(scenario: Scenario, direction: str, about: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> BaseDirection:
-    """A direction; without a name where it is that of every body anyhow."""
+    """A direction; without a name if it is the natural direction of every body."""
     default = not direction or all(body.base_directions[0] == direction for body in scenario.all_bodies.values())
     return UPWARDS if default else BaseDirection(direction, about)
 
 
 def gravity_loads(scenario: Scenario) -> list[tuple[BaseDirection, float]]:
-    """Directions and accelerations, m/s^2, of gravity; the scalar acts downwards, against the direction of the base."""
+    """Directions and accelerations, m/s^2, of gravity; a scalar acts downwards, opposite to the base's direction."""
     if isinstance(scenario.gravity, tuple):
         along = zip(TRANSLATIONS, scenario.gravity, strict=True)
         return [(_named(scenario, direction), g) for direction, g in along if g != 0]
@@ -451,7 +451,7 @@ def gravity_loads(scenario: Scenario) -> list[tuple[BaseDirection, float]]:
 
 
 def force_sites(scenario: Scenario) -> list[LoadSite]:
-    """Sites of every force, released ones included."""
+    """Places of all forces, including released ones."""
     sites = [load_site_in(scenario, force) for force in scenario.constant_forces]
     sites += [load_site_in(scenario, force.applied_to) for _, force in ActingLoads.of(scenario).forces]
     start = None if scenario.run is None else scenario.run.start
@@ -461,11 +461,11 @@ def force_sites(scenario: Scenario) -> list[LoadSite]:
 
 
 def _reduction_arguments(scenario: Scenario, structure: Structure, least_hz: float) -> dict[str, Any]:
-    """How much `reduce_model` keeps: what the scenario asks for, or the default.
+    """Arguments of `reduce_model`: the reduction that the scenario requests, or the default.
 
-    By default a structure keeps the modes up to the frequency of interest of a run, at least ten times the excitation
-    frequency, ``least_hz`` and six flexible modes, and none that its discretisation does not carry; one that carries
-    all of its modes keeps them. The sample rate and the duration of the output have no part in it.
+    The default keeps the modes up to the frequency of interest of a run, at least ten times the excitation frequency,
+    ``least_hz`` and six flexible modes, but none that the discretisation does not resolve; a structure that resolves
+    all of its modes keeps all of them. The sample rate and duration of the output have no influence.
     """
     asked = scenario.reduction
     hz = 2 * np.pi / structure.frequency_scale

@@ -1,12 +1,12 @@
-r"""The one structure that every analysis moves, as `build_system` makes it: its channels, natural modes and damping.
+r"""The system that every analysis uses, as `build_system` makes it: channels, natural modes and damping.
 
-Natural frequencies are those without damping, with every contact in a given phase. The damping ratios are those of the
-damped motion,
+Natural frequencies are undamped, with every contact in a given phase. The damping ratios are those of the damped
+motion,
 
 .. math:: \zeta = -\mathrm{Re}\,\lambda / |\lambda|,
 
 with :math:`\lambda` the eigenvalues of the first-order equations, in which dashpots couple the undamped modes and
-Maxwell branches have states of their own. Each undamped mode has the eigenvalue whose motion is most its own.
+Maxwell branches have their own states. Each undamped mode is assigned the eigenvalue with the largest modal overlap.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ from beamsim.system.reduced_model import ReducedModel, base_direction, force_sit
 from beamsim.typing import Floats, Ints
 
 DISTINCT_RATIO_FACTOR = 1.3  # factor between damping ratios that count as different
-DAMPING_ROUND_OFF = 1e-14  # damping between two modes, over the largest of a mode, that is round-off
-RELAXED_FREQUENCY = 1e-6  # rad/s, at which Maxwell branches have relaxed
-LIGHT_MASS_FACTOR = 10.0  # times the modes: a value that only more of them bring to its limit has none in practice
+DAMPING_ROUND_OFF = 1e-14  # damping between two modes relative to the largest of a mode; a smaller value is round-off
+RELAXED_FREQUENCY = 1e-6  # rad/s, frequency at which Maxwell branches have relaxed
+LIGHT_MASS_FACTOR = 10.0  # times the modes; a value that needs even more modes to converge has no practical limit
 
 
 @dataclass(frozen=True)
 class ProbeRow:
-    """A place whose motion is recorded: deflection = shape @ q, relative to the base."""
+    """A recorded place: deflection = shape @ q, relative to the base."""
 
     name: str
     position: float  # m along the beam, x on a plate; the mass number for a chain
@@ -69,17 +69,17 @@ class ProbeRow:
     base_influence: float = 1.0  # absolute motion for a unit motion of the base
 
 
-FORCE_UNITS = {"m": "N", "rad": "N m"}  # by the unit of the motion that they act on
+FORCE_UNITS = {"m": "N", "rad": "N m"}  # by unit of the corresponding motion
 
 
 def contact_units(gap_unit: str) -> dict[str, str]:
-    """Units of what a contact measures, by the words of its declarations."""
+    """Units of the quantities of a contact, by the names used in declarations."""
     return {"gap_unit": gap_unit, "force_unit": FORCE_UNITS[gap_unit]}
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactUnits:
-    """The units of what a contact measures; those of a hinge's stops and friction are of angles and moments."""
+    """Units of the quantities of a contact; stops and friction of a hinge have angles and moments."""
 
     gap_unit: str = "m"  # in a hinge rad
 
@@ -91,16 +91,16 @@ class ContactUnits:
 
 @dataclass(frozen=True)
 class SnubberNumbers(ContactUnits):
-    """The numbers that describe a snubber, all resolved; in a hinge those of moments and angles."""
+    """The resolved numbers of a snubber; for a hinge stop moments and angles."""
 
     name: str
     position: float  # m along the body; the number of the mass in a chain, halfway between two masses
     side: str  # below or above; between two masses approach or separation
-    stiffness: float  # N/m; of a force-deflection table its first slope
+    stiffness: float  # N/m; for a force-deflection curve its first slope
     dashpot: float  # N s/m
-    gap: float  # m, positive when open; resolved where a preload was given
-    preload: float  # N, contact force at static equilibrium; NaN where there is none
-    blocked_force: float  # N at a penetration of max(-gap, 0), the structure held at zero displacement
+    gap: float  # m, positive when open; resolved if a preload is given
+    preload: float  # N, contact force at static equilibrium; NaN if there is none
+    blocked_force: float  # N at a penetration of max(-gap, 0), with the structure fixed at zero displacement
     stiffness_ratio: float  # k L^3 / (E I); in a chain, over its largest spring stiffness
 
 
@@ -110,17 +110,17 @@ class SnubberInfo(SnubberNumbers):
 
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
     across: float | None = None  # m, y on a plate
-    table_misfit: float | None = None  # N, root mean square of what a table leaves of the measured forces
+    table_misfit: float | None = None  # N, root mean square residual of a fitted force-deflection curve
 
 
 class JumpingForce(NamedTuple):
-    """A force that may jump at a point of a structure."""
+    """A force that may jump, at a point of a structure."""
 
-    cause: str  # for people
+    cause: str  # text for messages
     shape: Floats  # (n,) deflection of the point for a unit of each coordinate, 1/sqrt(kg)
-    inverse_mass: float  # 1/kg, sum of the squared shapes of all modes: infinite where there is no point mass
-    contact: int = -1  # its number, of the force of a contact
-    signal: int = -1  # number of the signal, of a force of the excitation
+    inverse_mass: float  # 1/kg, sum of the squared shapes of all modes: infinite without a point mass
+    contact: int = -1  # index of the contact, for a contact force
+    signal: int = -1  # index of the signal, for a force of the excitation
 
     @property
     def light(self) -> bool:
@@ -135,7 +135,7 @@ MODES = Layout(
     {
         "mode": Variable(_MODE, "1", "mode number", int),
         "open_frequencies_hz": Variable(_MODE, "Hz", "natural frequencies with every contact open"),
-        # piecewise-linear springs as at rest
+        # piecewise-linear springs with their slope at rest
         "closed_frequencies_hz": Variable(_MODE, "Hz", "natural frequencies with every contact closed"),
         "damping_ratios": Variable(
             _MODE, "1", "modal damping ratios of the open structure; NaN for rigid-body modes"
@@ -143,7 +143,7 @@ MODES = Layout(
         "closed_damping_ratios": Variable(
             _MODE, "1", "modal damping ratios with every contact closed, its dashpot and Maxwell branches included"
         ),
-        # none where there is no equilibrium, or where contacts hold, are pressed by others, or soften next to it
+        # none without equilibrium, or with sticking, pressed or softening contacts
         "resting_frequencies_hz": Variable(
             _MODE, "Hz",
             "natural frequencies with every contact as it is at static equilibrium, friction included", optional=True,
@@ -203,14 +203,14 @@ MODES = Layout(
 
 @dataclass(eq=False)
 class StructuralSystem:
-    """A scenario turned into mathematics, with what is needed to turn the solution back.
+    """The equations of a scenario, with the data needed to interpret their solution.
 
-    Coordinates q are mass-normalised (M = I) and relative to the base: absolute = relative + what the base carries,
-    which is 1 on every deflection where it moves upwards.
+    Coordinates q are mass-normalised (M = I) and relative to the base; the absolute deflection adds the motion of the
+    base.
     """
 
     model: ReducedModel  # the reduced structure
-    as_built: PiecewiseLinearSystem  # ``dynamics`` of the scenario, of which an analysis may leave out damping or loads
+    as_built: PiecewiseLinearSystem  # ``dynamics`` of the scenario; an analysis may omit damping or loads
     dynamics: PiecewiseLinearSystem
     forcing: Forcing
     initial_state: Floats  # (N,) q, q', then the internal states of the contacts
@@ -219,28 +219,28 @@ class StructuralSystem:
     base_velocity: Signal | None  # m/s
     base_displacement: Signal | None  # m
     snubbers: tuple[SnubberInfo, ...]
-    bodies: tuple[Recovery, ...]  # what is known along each body
+    bodies: tuple[Recovery, ...]  # quantities recovered along each body
     stops: Contacts  # the snubbers alone
-    static_equilibrium: Floats | None  # (n,) base at d = 0; None where there is none, or more than one
-    static_reason: str  # why there is no static equilibrium; empty where there is one
-    excitation_frequency_hz: float  # nan where there is none, or several
+    static_equilibrium: Floats | None  # (n,) base at d = 0; None if there is none, or it is not unique
+    static_reason: str  # why there is no static equilibrium; empty if there is one
+    excitation_frequency_hz: float  # nan if there is none, or several
     cubic: CubicSprings | None
     springs: tuple[SpringInfo, ...] = ()  # nonlinear ones; their laws follow the snubbers in ``dynamics.contacts``
-    outputs: tuple[Channel, ...] = ()  # that the scenario asks for
-    remarks: tuple[str, ...] = ()  # on what was built
-    files: tuple[FileSummary, ...] = ()  # of the bodies that are read from files
+    outputs: tuple[Channel, ...] = ()  # outputs of the scenario
+    remarks: tuple[str, ...] = ()  # remarks from building the system
+    files: tuple[FileSummary, ...] = ()  # data about files of imported bodies
     inputs: tuple[InputStatement, ...] = ()  # records and random inputs
-    base_correction: CorrectionSize | None = None  # of a base that follows a swept sine
-    sine: SineLoads | None = None  # how the loads follow a sine; None where the excitation is none
+    base_correction: CorrectionSize | None = None  # for a base that follows a swept sine
+    sine: SineLoads | None = None  # loads relative to a sine; None for other excitations
 
-    # what follows from these
-    scenario: Scenario = field(init=False)  # that it was built from
-    base_influence: Floats = field(init=False)  # (probes,) absolute motion of each for one of the base; zeros at rest
-    kept_modes: int = field(init=False)  # number of modes that the reduction keeps
+    # derived fields
+    scenario: Scenario = field(init=False)  # the scenario of the system
+    base_influence: Floats = field(init=False)  # (probes,) absolute motion for a unit motion of the base
+    kept_modes: int = field(init=False)  # number of modes in the reduced model
     open_frequencies_hz: Floats = field(init=False)  # (n,) natural frequencies with every contact open
-    stations: Stations = field(init=False)  # where shapes are known
-    deflection: Floats = field(init=False)  # (nx, n) there for a unit of each coordinate, 1/sqrt(kg)
-    stress: StressRows | None = field(init=False)  # bending stress along the bodies; None where no body gives one
+    stations: Stations = field(init=False)  # points with known mode shapes
+    deflection: Floats = field(init=False)  # (nx, n) at the stations for a unit of each coordinate, 1/sqrt(kg)
+    stress: StressRows | None = field(init=False)  # bending stress along the bodies; None if no body has one
 
     def __post_init__(self) -> None:
         moving, none = self.base_acceleration is not None, np.zeros((0, self.model.basis.size))
@@ -253,13 +253,13 @@ class StructuralSystem:
 
     @cached_property
     def modes(self) -> Dataset:
-        """Natural frequencies, damping and accuracy, a dataset of results: they take longer than the rest."""
+        """Natural frequencies, damping and accuracy, as a dataset of results; computed on first use."""
         at_rest = self.static_equilibrium if self.cubic is None else None
         return modes_of(self.model, self.as_built, self.stops, at_rest, self.stations, self.deflection)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Remarks, and warnings that follow from `modes`."""
+        """Remarks, and warnings from `modes`."""
         return (*self.remarks, *model_warnings(self.scenario, self.modes), *self.scenario.questions(_usual_sizes(self)))
 
     @cached_property
@@ -271,12 +271,12 @@ class StructuralSystem:
 
     @cached_property
     def jumping_forces(self) -> tuple[JumpingForce, ...]:
-        """Forces of dashpots, dry friction and the excitation that may jump where there is little mass."""
+        """Forces of dashpots, dry friction and the excitation that may jump at points with little mass."""
         return tuple(force for force in self.forces_that_jump if force.light)
 
     @cached_property
     def forces_that_jump(self) -> tuple[JumpingForce, ...]:
-        """Forces of dashpots, dry friction and the excitation that may jump, whatever mass there is."""
+        """Forces of dashpots, dry friction and the excitation that may jump, at any mass."""
         scenario = self.scenario
         found = [
             JumpingForce(
@@ -309,7 +309,7 @@ class StructuralSystem:
                 yield JumpingForce(cause, self.forcing.load[number], inverse_mass, signal=number)
 
     def with_supports(self, places: Sequence[Place], times: Floats) -> Floats:
-        """(nt, places) m, what supports that move add to the deflection of places: no coordinate has it."""
+        """(nt, places) contribution of moving supports to the deflection of places, m; it is not in the coordinates."""
         motion = np.zeros((times.size, len(places)))
         for each in self.model.moving_supports:
             displacement = self.forcing.signal[self.model.acting_loads.signals[each.path, "displacement"]]
@@ -318,12 +318,12 @@ class StructuralSystem:
 
     @cached_property
     def channels(self) -> ChannelSet:
-        """Everything that can be observed.
+        """All observables of the system.
 
-        Of probes the displacement and velocity relative to the base, and the absolute acceleration; of snubbers force,
-        penetration, distance to the face, and displacement and velocity of the structure there; of springs with laws of
-        their own and of friction contacts extension and force; the outputs that the scenario asks for; and the bending
-        stress along the bodies.
+        They are: for probes displacement and velocity relative to the base, and absolute acceleration; for snubbers
+        force, penetration, distance to the face, and displacement and velocity of the structure there; for nonlinear
+        springs and friction contacts extension and force; the outputs of the scenario; and the bending stress along the
+        bodies.
         """
         cubic = 0 if self.cubic is None else self.cubic.count
         sizes = Sizes(self.dynamics.size, self.dynamics.contacts.count, len(self.forcing.signal), cubic)
@@ -338,7 +338,7 @@ class StructuralSystem:
 
     @property
     def contact_names(self) -> tuple[str, ...]:
-        """(m,) owner of each contact: a snubber's name, or that of a piecewise-linear spring."""
+        """(m,) name of the snubber or piecewise-linear spring of each contact."""
         split = self.cubic is not None
         laws = [(spring.name, spring.law.one_sided_springs or ()) for spring in self.springs if spring.law is not None]
         names = [name for name, parts in laws for _ in range(len(parts) if split else 1)]
@@ -346,7 +346,7 @@ class StructuralSystem:
 
     @property
     def friction_contacts(self) -> Ints:
-        """(f,) numbers of the friction contacts among all contacts, in the order of the scenario."""
+        """(f,) indices of the friction contacts among all contacts, in the order of the scenario."""
         of_springs = [spring.kind for spring in self.springs if spring.law is not None]
         return len(self.snubbers) + np.flatnonzero(np.array(of_springs) == FRICTION)
 
@@ -385,7 +385,7 @@ def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
 
 
 def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
-    """Those of springs with laws of their own, whose contacts follow the snubbers: one, or one for each part."""
+    """Channels of nonlinear springs, whose contacts (one, or several one-sided springs) follow the snubbers."""
     channels, contact, pulling = [], len(system.snubbers), 0
     split = system.cubic is not None
     for spring in system.springs:
@@ -413,25 +413,25 @@ def modes_of(
     model: ReducedModel, dynamics: PiecewiseLinearSystem, stops: Contacts, equilibrium: Floats | None,
     stations: Stations, deflection: Floats,
 ) -> Dataset:  # fmt: skip
-    """What a result says of its model: natural frequencies, damping and accuracy.
+    """Natural frequencies, damping and accuracy of a model, for results.
 
     Parameters
     ----------
     model : the reduced structure.
-    dynamics : the structure and all its contacts.
-    stops : those that are snubbers, which alone are open and closed.
-    equilibrium : (n,) coordinates at rest; None where that is not known, or not linear.
-    stations, deflection : where shapes are known, and (nx, n) deflection there for a unit of each coordinate.
+    dynamics : the structure with all its contacts.
+    stops : contacts of snubbers, which are open or closed in the dataset.
+    equilibrium : (n,) coordinates at rest; None if unknown, or if the motion around it is not linear.
+    stations, deflection : points of the shapes, and (nx, n) deflection there for a unit of each coordinate.
 
     Returns
     -------
     Dataset
-        Of the layout `MODES`.
+        With the layout `MODES`.
     """
     basis, structure, contacts = model.basis, model.structure, dynamics.contacts
     omega = [2 * np.pi * frequency for frequency in model.scenario.excitation.frequencies_hz]
     bound = receptance_bound(structure, basis, model.damping, _loads(model), structure.rows(model.probe_sites), omega)
-    # the arrays of all contacts are those that the motion needs, too
+    # the motion needs the arrays of all contacts too
     stopped = dynamics if contacts.count == stops.count else replace(dynamics, contacts=stops)
     opened = damped_modes(stopped, stops.start, basis.rigid)[1]
     of_stops = np.array([law.closed_phase for law in stops.laws], dtype=np.int64)
@@ -481,7 +481,7 @@ def _energy_shares(structure: Structure, basis: ReducedBasis) -> dict[str, Float
 
 
 def _loads(model: ReducedModel) -> Floats:
-    """(m, N) rows of contacts and forces, and inertia loads where the base moves or gravity acts."""
+    """(m, N) rows of contacts and forces, and inertia loads for base motion or gravity."""
     scenario, structure = model.scenario, model.structure
     rows = structure.rows([*model.snubber_sites, *model.spring_sites, *force_sites(scenario)])
     moving = base_direction(scenario)
@@ -492,29 +492,29 @@ def _loads(model: ReducedModel) -> Floats:
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 
 
-# Relative change of every natural frequency, below which closed stops count as without effect: no test shows less.
+# Relative frequency change below which closed stops count as having no effect; no test shows less.
 SMALLEST_EFFECT = 1e-3
 _WITHOUT_EFFECT = "closed no natural frequency is more than 0.1 % higher: the stiffness has no effect"
 _UNDAMPED = (
     "nothing is damped, so no motion becomes steady; give each body damping, for example {kind: modal, ratio: 1 %}"
 )
 FARTHEST_MODE = 100.0
-"""Frequency of the first mode, over the highest of the excitation, above which the case is probably another one."""
-DOUBTFUL_REDUCTION = 0.01  # error of the reduced receptance, over its size, of which a warning tells
+"""Ratio of the first mode to the highest excitation frequency above which the case is probably wrong."""
+DOUBTFUL_REDUCTION = 0.01  # error of the reduced receptance, relative to its size, above which there is a warning
 
 
 def model_warnings(scenario: Scenario, modes: Dataset) -> list[str]:
-    """Warnings that follow from the modes.
+    """Warnings from the modes of a model.
 
-    They are of stops without effect, of an excited structure without damping, of an inaccurate reduced model and of
-    damping ratios of snubbers.
+    They concern stops without effect, an excited structure without damping, an inaccurate reduced model, and damping
+    ratios of snubbers.
     """
     opened, closed = modes["open_frequencies_hz"].values, modes["closed_frequencies_hz"].values
     stops, warnings, bound = scenario.all_snubbers, [], modes["reduction_bound"].item()
     stiff = [stop.name for stop in stops if stop.stiffness is not None]
     if stops and len(stiff) == len(stops) and np.all(closed - opened <= SMALLEST_EFFECT * opened):
         warnings.append(f"snubbers: with {first_of(stiff, 4)} {_WITHOUT_EFFECT}")
-    # what takes energy out of a motion: dashpots of any kind, friction, stops that yield
+    # sources of damping: dashpots of any kind, friction, yielding stops
     loses = any(np.nan_to_num(modes[of].values).any() for of in ("damping_ratios", "closed_damping_ratios"))
     loses |= any(each.item.kind == FRICTION for each in scenario.nonlinear_springs) or any(s.yields for s in stops)
     if scenario.excitation.kind != "none" and scenario.nnm is None and not loses:
@@ -525,7 +525,7 @@ def model_warnings(scenario: Scenario, modes: Dataset) -> list[str]:
 
 
 def _usual_sizes(system: StructuralSystem) -> UsualSizes:
-    """What usual ranges of numbers are multiplied by, as far as the model decides it."""
+    """Reference sizes of usual ranges that the model determines."""
     elastic = system.open_frequencies_hz[system.open_frequencies_hz > 0.0]
     period = float(1.0 / elastic[0]) if elastic.size else None
     stiffness: dict[Path, float] = {}
@@ -537,7 +537,7 @@ def _usual_sizes(system: StructuralSystem) -> UsualSizes:
 
 
 def _far_modes(scenario: Scenario, modes: Dataset) -> list[str]:
-    """That the first mode lies far beyond what goes on at known frequencies."""
+    """A warning if the first mode is far above all excitation frequencies."""
     first = next((f for f in modes["open_frequencies_hz"].values.tolist() if f > 0.0), 0.0)
     if scenario.excitation.shock or (scenario.run is None and scenario.sweep is None):
         return []
@@ -548,7 +548,7 @@ def _far_modes(scenario: Scenario, modes: Dataset) -> list[str]:
 
 
 def _far_mode(first: float, highest: float) -> str:
-    """That a first natural frequency lies far beyond the highest of the excitation, Hz."""
+    """The warning for a first natural frequency far above the highest of the excitation, Hz."""
     return (
         f"the first natural frequency, {first:.4g} Hz with open contacts, is {first / highest:.3g} times the highest "
         f"frequency of the excitation, {highest:.4g} Hz; was another unit of a size, a modulus, a mass or a frequency "
@@ -557,7 +557,7 @@ def _far_mode(first: float, highest: float) -> str:
 
 
 def _inaccurate_reduction(scenario: Scenario, modes: Dataset) -> str:
-    """A warning of a reduced model whose receptance has a large bound of its error."""
+    """A warning for a reduced model with a large error bound of its receptance."""
     return (
         f"the reduced model may not be accurate: up to {modes['highest_frequency_hz'].item():.4g} Hz and at the "
         "frequencies of the excitation the error of its receptance at contacts and loads is bounded by "
@@ -567,7 +567,7 @@ def _inaccurate_reduction(scenario: Scenario, modes: Dataset) -> str:
 
 
 def _dashpots(snubbers: Sequence[LocatedItem], contacts: Contacts) -> dict[str, Any]:
-    """Of each snubber its dashpot, N s/m or N m s/rad, and what that follows from; they are the first contacts."""
+    """Dashpot of each snubber, N s/m or N m s/rad, and damping of the modes; snubbers are the first contacts."""
     sources = []
     for at, law in zip(snubbers, contacts.laws, strict=False):
         snubber, number = at.item, len(at.item.maxwell)
@@ -586,7 +586,7 @@ def _dashpots(snubbers: Sequence[LocatedItem], contacts: Contacts) -> dict[str, 
 
 
 def damping_remarks(snubbers: Sequence[LocatedItem], modes: Dataset) -> list[str]:
-    """That the first closed mode is damped otherwise than a ratio says, which is that of another mode."""
+    """A warning if the damping of the first closed mode differs from the ratio that was given for another mode."""
     frequencies = modes["closed_frequencies_hz"].values
     closed = np.flatnonzero(frequencies > 0.0)
     if not closed.size:
@@ -602,7 +602,7 @@ def damping_remarks(snubbers: Sequence[LocatedItem], modes: Dataset) -> list[str
 
 
 def _damped_otherwise(frequency_hz: float, ratio: float, other_ratios: Mapping[str, float]) -> str:
-    """That the first closed mode, Hz, has another damping ratio than those that are written, by snubber."""
+    """The warning for the damping ratio of the first closed mode; ``other_ratios`` are those given, by snubber."""
     shares = ", ".join(dict.fromkeys(f"{100 * x:.4g}" for x in other_ratios.values()))
     return (
         f"snubbers: the first mode with all snubbers closed, {frequency_hz:.4g} Hz, has a damping ratio of "
@@ -613,40 +613,40 @@ def _damped_otherwise(frequency_hz: float, ratio: float, other_ratios: Mapping[s
 
 
 def undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats, Floats]:
-    """Natural frequencies (n,), rad/s, and modes (n, n) without damping, with contacts in their phases.
+    """Undamped natural frequencies (n,), rad/s, and modes (n, n), with contacts in given phases.
 
-    The third array is the stiffness (m,) of the contacts, N/m, of which Maxwell branches have relaxed.
+    The third array is the stiffness (m,) of the contacts, N/m, with relaxed Maxwell branches.
 
     Parameters
     ----------
-    dynamics, phases, rigid : as of `damped_modes`.
+    dynamics, phases, rigid : as for `damped_modes`.
     """
     slow = np.asarray(dynamics.contacts.dynamic_stiffness(phases, np.full(1, RELAXED_FREQUENCY))[0].real)
     return *closed_modes(np.sqrt(dynamics.stiffness), dynamics.contacts.shape, slow, rigid), slow
 
 
 def _one_for_each(share: Floats) -> tuple[Ints, Ints]:
-    """Modes, a row each, and the columns that have most of them together, none for two modes."""
-    from scipy.optimize import linear_sum_assignment  # which takes as long to import as a validation
+    """Assign each mode (row) a column with the largest total overlap."""
+    from scipy.optimize import linear_sum_assignment  # importing it takes as long as a validation
 
     modes, of = linear_sum_assignment(share, maximize=True)
     return modes, of
 
 
 def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats]:
-    """Natural frequencies and damping ratios with contacts in their phases.
+    """Natural frequencies and damping ratios, with contacts in given phases.
 
     Parameters
     ----------
-    dynamics : the structure and its contacts, none of which holds or is pressed by another.
-    phases : (m,) of the contacts.
+    dynamics : the structure and its contacts, without rigid sticking or normal contacts.
+    phases : (m,) phases of the contacts.
     rigid : number of rigid-body coordinates.
 
     Returns
     -------
     (n,), (n,)
-        rad/s, ascending, without damping; and the ratios, nan of rigid-body modes. A mode that does not oscillate has
-        that of its own coordinate alone, which is 1 or more for a single mass.
+        rad/s, ascending, undamped; and the ratios, nan for rigid-body modes. A mode that does not oscillate has the
+        ratio of its own coordinate alone, which is 1 or more for a single mass.
     """
     contacts, n = dynamics.contacts, dynamics.size
     omega, shapes, slow = undamped_modes(dynamics, phases, rigid)
@@ -659,10 +659,10 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     if not by_states.any() and coupling <= DAMPING_ROUND_OFF * np.abs(damping).max(initial=0.0):
         return omega, ratio
 
-    scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # of displacements; a rigid mode has none
+    scale = np.maximum(omega, 1e-3 * omega.max() or 1.0)  # scale of displacements; a rigid mode has none
     states, drive = equations.internal_rates[:, equations.equations.internal], equations.internal_rate_factors
     own = depth[contacts.state_owner]
-    beyond = (depth.T * (force[:, PENETRATION] - slow)) @ depth  # of branches that have not relaxed
+    beyond = (depth.T * (force[:, PENETRATION] - slow)) @ depth  # from branches that have not relaxed
     matrix = np.block([
         [np.zeros((n, n)), np.diag(scale), np.zeros((n, contacts.internal_states))],
         [-(np.diag(omega**2) + beyond) / scale, -damping, -own.T * by_states],
@@ -673,7 +673,7 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
     share = np.abs(vectors[:n]) ** 2 + np.abs(vectors[n:]) ** 2
     share /= share.sum(axis=0)
     modes, of = share.argmax(axis=0), np.arange(share.shape[1])
-    if np.unique(modes).size < modes.size:  # of two that have most of the same mode
+    if np.unique(modes).size < modes.size:  # for two modes with the same largest overlap
         modes, of = _one_for_each(share)
     ratio[modes] = 0.0 - values[of].real / np.abs(values[of])  # 0, not -0
     ratio[omega == 0.0] = np.nan
