@@ -1,5 +1,5 @@
-"""Bodies as matrices: elements, supports, named places, modes, recovery, reduction with its error bound.
+"""Bodies as matrices: elements, supports, places, modes, recovery of moments, and reduction with an error bound.
 
-Never here: contacts, time, or which analysis asks.
-Begin with `structure`, what every structure answers, then `chain`, the simplest one; `assembly` chooses.
+Never here: contacts, time, or the kind of analysis.
+Begin with `structure`, the interface of every structure, then `chain`, the simplest one; `assembly` selects them.
 """

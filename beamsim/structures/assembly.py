@@ -1,9 +1,9 @@
-r"""From a scenario to its structure: bodies side by side, or made one by joints and springs.
+r"""Assembles the structure of a scenario: separate bodies, or bodies connected by joints and springs.
 
-A joint that holds is a linear constraint :math:`G u = 0` on the degrees of freedom u of all bodies. It is eliminated:
-:math:`u = T v` with an orthonormal, sparse basis T of the null space of G, so that the matrices of the joined structure
-are :math:`T^T M T` and :math:`T^T K T`, without a penalty or a multiplier. Springs and dashpots of joints add their
-rows to K and C. All coordinates are relative to the base, so a place that is joined to the base moves with it exactly.
+A rigid joint is a linear constraint :math:`G u = 0` on the degrees of freedom u of all bodies. It is eliminated:
+:math:`u = T v` with a sparse orthonormal basis T of the null space of G, so that the matrices of the joined structure
+are :math:`T^T M T` and :math:`T^T K T`, without penalty or multipliers. Springs and dashpots of joints add their rows
+to K and C. All coordinates are relative to the base, so a place that is joined to the base moves with it exactly.
 """
 
 from __future__ import annotations
@@ -46,26 +46,26 @@ from beamsim.typing import Floats
 
 
 def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequence[Place] = ()) -> Structure:
-    """The structure without snubbers: bodies that are coupled make one part of it.
+    """Assemble the structure without snubbers; coupled bodies form one substructure.
 
     With ``names`` only the parts that hold one of these bodies; ``nodes`` are places where meshes have a node.
 
     Parameters
     ----------
-    scenario : validated.
-    names : only parts that hold one of these bodies; all without.
-    nodes : places where meshes have a node.
+    scenario : a valid scenario.
+    names : include only substructures with one of these bodies; all by default.
+    nodes : places at which meshes must have a node.
 
     Returns
     -------
     Structure
-        One part, or several side by side.
+        A single structure, or several uncoupled substructures.
     """
     couplings = couplings_of(scenario) if scenario.joined_by else []
     sections = scenario.all_bodies
     joints = scenario.joints
     origins = place_bodies(joints, sections, scenario.default_body).of_first_group if joints else {}
-    # what the bodies alone know to have a place: nodes of imported matrices, and loads shaped as a mode
+    # places that only the bodies themselves can check: nodes of imported matrices, and loads with the shape of a mode
     placed_by_bodies = [
         (path, item)
         for path, item in walk(scenario)
@@ -84,7 +84,7 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
 
 
 def couplings_of(scenario: Scenario) -> list[Coupling]:
-    """Joints, direction by direction, and the linear part of springs that are not listed in a body."""
+    """Joints, for each direction, and the linear part of springs that are not listed in a body."""
     couplings = [
         coupling for joint in scenario.joints for coupling in _of_joint(scenario, joint, site_in(scenario, joint))
     ]
@@ -113,17 +113,17 @@ def _slope_of(site: Site) -> Site:
 
 
 def joined_to(scenario: Scenario, names: Sequence[str]) -> list[str]:
-    """These bodies and those that they are joined to, in the order of the scenario."""
+    """These bodies and all that are joined to them, in the order of the scenario."""
     groups = _groups(list(scenario.all_bodies), couplings_of(scenario))
     return [name for name in scenario.all_bodies if any(name in group and set(names) & set(group) for group in groups)]
 
 
 def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: Sequence[Place] = ()) -> BodyStructure:
-    """By ``assemble_<kind>`` of the module that is called as its kind; only those needed are imported."""
+    """Assemble a body by ``assemble_<kind>`` in the module with the name of its kind, which is imported when needed."""
     kind = scenario.all_bodies[name].body_kind
     assemble_body = resolve_name(f"beamsim.structures.{kind}:assemble_{kind}")
     ends = [*(end for coupling in couplings for end in coupling.ends), *nodes]
-    points = [end.point for end in ends if end.body == name]  # where something joins the body
+    points = [end.point for end in ends if end.body == name]  # points where something is joined to the body
     section = scenario.all_bodies[name]
     body: BodyStructure = assemble_body(
         with_places_of_files(scenario, name) if section.is_read_from_files else section, name, points
@@ -132,19 +132,19 @@ def _body(scenario: Scenario, name: str, couplings: Sequence[Coupling], nodes: S
 
 
 def with_places_of_files(scenario: Scenario, name: str) -> Any:
-    """The section of a body that is read from files, which are where the scenario has them."""
+    """The section of a body that is read from files, with the paths of the files resolved."""
     body = scenario.all_bodies[name]
     return replace_values(body, scenario.whole_paths(body, scenario.body_path(name)))
 
 
 def bodies_of(scenario: Scenario) -> list[BodyStructure]:
-    """The bodies, each by itself, in the order of the scenario."""
+    """The individual bodies, in the order of the scenario."""
     couplings = couplings_of(scenario)
     return [_body(scenario, name, couplings) for name in scenario.all_bodies]
 
 
 def acting_places(scenario: Scenario) -> list[Place]:
-    """Places where something acts, is joined or is recorded, each once."""
+    """Places of all items that act, join or record."""
     places: dict[Place, None] = {}
     for _, item in walk(scenario):
         if getattr(item, "places", ()):
@@ -153,7 +153,7 @@ def acting_places(scenario: Scenario) -> list[Place]:
 
 
 def _check_places(scenario: Scenario, items: Sequence[tuple[Path, Any]], bodies: Sequence[BodyStructure]) -> None:
-    """Refuse places and modes that the bodies do not have; the numbers of nodes and modes are known only now."""
+    """Refuse places and modes that do not exist; the numbers of nodes and modes are known only now."""
     known = {body.name: body for body in bodies}
     problems = []
     for path, item in items:
@@ -169,7 +169,7 @@ def _check_places(scenario: Scenario, items: Sequence[tuple[Path, Any]], bodies:
 
 
 def _groups(names: Sequence[str], couplings: Sequence[Coupling]) -> list[list[str]]:
-    """The bodies that are coupled to one another, directly or by others, in the order of the scenario."""
+    """Groups of bodies that are coupled directly or through others, in the order of the scenario."""
     group = {name: name for name in names}
     for coupling in couplings:
         first, last = (group[end.body] for end in (coupling.ends[0], coupling.ends[-1]))
@@ -178,26 +178,26 @@ def _groups(names: Sequence[str], couplings: Sequence[Coupling]) -> list[list[st
 
 
 def site_in(scenario: Scenario, item: Any) -> Site:
-    """Where something of a scenario sits that stands at its top level: a probe, a linear spring."""
+    """Place of an item at the top level of a scenario: a probe, a linear spring."""
     return site_of(item, scenario.default_body, scenario.all_bodies)
 
 
 def load_site_in(scenario: Scenario, item: Any) -> LoadSite:
-    """Where a load of a scenario acts that stands at its top level."""
+    """Place of a load at the top level of a scenario."""
     return load_site_of(item, scenario.default_body, scenario.all_bodies)
 
 
 def snubber_site(contact: LocatedItem) -> Site:
-    """Where a snubber, spring or friction contact of a scenario sits; between rotations where it belongs to a hinge."""
+    """Place of a snubber, spring or friction contact; for those of a hinge the rotations of its two sides."""
     site = site_of(contact.item, contact.body, contact.sections)
     return _slope_of(site) if isinstance(contact.item, HingeElement) else site
 
 
 @dataclass(frozen=True)
 class SeveralBodies(Structure):
-    """Bodies, joined or side by side."""
+    """Several bodies, joined or separate."""
 
-    expansions: tuple[tuple[BodyStructure, Any], ...]  # every body, and (N of the body, N) its dofs from those here
+    expansions: tuple[tuple[BodyStructure, Any], ...]  # bodies, and (N of the body, N) expansions from these dofs
 
     @cached_property
     def members(self) -> tuple[MemberBody, ...]:
@@ -211,7 +211,7 @@ class SeveralBodies(Structure):
 
     @cached_property
     def most_modes(self) -> int | None:
-        """Modes up to the frequency that every body's discretisation carries; None where all of them are."""
+        """Number of modes up to the frequency that the discretisation of every body resolves; None for all."""
         bodies = [member.body for member in self.members]
         if all(body.most_modes is None for body in bodies):
             return None
@@ -222,16 +222,16 @@ class SeveralBodies(Structure):
         return max(sum(counts), 1)
 
     def deflections(self, vectors: Floats) -> Floats:
-        """Deflections (d,) or (d, k) of all bodies, in order of the stations."""
+        """(d,) or (d, k) deflections of all bodies, in the order of the stations."""
         return np.concatenate([member.body.deflections(member.expansion @ vectors) for member in self.members])
 
     def frequency_count(self, omega: float) -> int:
-        """A bound on the number of modes below the scaled angular frequency omega: what joins bodies raises all."""
+        """A bound on the number of modes below the scaled angular frequency omega; joints only raise frequencies."""
         physical = omega * self.frequency_scale
         return sum(m.body.frequency_count(physical / m.body.frequency_scale) for m in self.members)
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        """(N,) inertia and (N,) force of springs to the ground, for a unit motion of the base."""
         inertia, ground = np.zeros(self.size), np.zeros(self.size)
         for member in self.members:
             of_body = member.body.base_load(self.base_direction_of(member.body.name, motion))
@@ -243,7 +243,7 @@ class SeveralBodies(Structure):
         return inertia, ground
 
     def unit_stiffness(self, site: Site) -> float:
-        """That of the body, of a link that of the softer of its two."""
+        """The reference stiffness of the body; for a link that of the softer body."""
         return min(self.member(end.body).body.unit_stiffness(end) for end in ends_of(site))
 
     def largest_deflection(self, field: Floats) -> float:
@@ -253,7 +253,7 @@ class SeveralBodies(Structure):
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
     ) -> tuple[Recovery, ...]:
-        """Those of every part, with the sites that are on it.
+        """Recovered quantities of all bodies.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class SeveralBodies(Structure):
         Returns
         -------
         tuple
-            Body by body.
+            One item for each body.
         """
         if not self.substructures:
             return super().recoveries(basis, sites, base)
@@ -283,7 +283,7 @@ class SeveralBodies(Structure):
 
 
 def _highest_of(body: BodyStructure) -> float:
-    """Angular frequency, rad/s, below which a body has as many modes as its discretisation has; inf for all."""
+    """Angular frequency, rad/s, up to which the discretisation of a body resolves its modes; inf for all."""
     assert body.most_modes is not None
     from scipy.optimize import bisect
 
@@ -292,7 +292,7 @@ def _highest_of(body: BodyStructure) -> float:
         if count >= body.size:
             return np.inf
         high *= 2
-    # the count is a bound: at zero it may be above the number of modes there, none
+    # the count is a bound: it may exceed the number of modes
     highest = bisect(
         lambda omega: (body.frequency_count(omega) if omega > 0.0 else 0) - most - 0.5, 0.0, high, xtol=1e-12 * high
     )
@@ -300,12 +300,12 @@ def _highest_of(body: BodyStructure) -> float:
 
 
 def combine_structures(structures: Sequence[Structure]) -> Structure:
-    """Several structures as one structure; one alone is that."""
+    """Combine several structures into one; a single one is returned unchanged."""
     return structures[0] if len(structures) == 1 else _blocks_of(structures)
 
 
 def _blocks_of(structures: Sequence[Structure]) -> SeveralBodies:
-    """Block matrices of several structures, all with the scales of the heaviest and the stiffest of them."""
+    """Block matrices of several structures, scaled by the heaviest and stiffest of them."""
     mass_scale = max(part.mass_scale for part in structures)
     stiffness_scale = max(part.stiffness_scale for part in structures)
     mass_ratio = [part.mass_scale / mass_scale for part in structures]
@@ -340,18 +340,18 @@ def _blocks_of(structures: Sequence[Structure]) -> SeveralBodies:
 def join(
     bodies: Sequence[BodyStructure], couplings: Sequence[Coupling], origins: Mapping[str, float] | None = None
 ) -> SeveralBodies:
-    """One structure of bodies that are coupled; ``origins`` are where they begin on their common axis, m.
+    """Join bodies by couplings; ``origins`` are their starts on the common axis, m.
 
     Parameters
     ----------
-    bodies : all that are coupled.
-    couplings : joints and springs, direction by direction.
-    origins : m, where bodies begin on their common axis.
+    bodies : the coupled bodies.
+    couplings : joints and springs, one for each direction.
+    origins : starts of the bodies on their common axis, m.
 
     Returns
     -------
     SeveralBodies
-        On the dofs that the constraints leave.
+        On the remaining dofs after the constraints are eliminated.
     """
     apart = combine_structures(bodies)
     held = apart.rows([c.site for c in couplings if c.stiffness is None])
@@ -382,14 +382,14 @@ def join(
     )
 
 
-REPEATED_CONSTRAINT = 1e-10  # of the largest singular value: smaller ones are those of constraints that others imply
+REPEATED_CONSTRAINT = 1e-10  # relative to the largest singular value; smaller ones belong to redundant constraints
 
 
 def null_space_basis(rows: Floats) -> Any:
     """(N, N - rank) sparse orthonormal basis of the null space of constraints (c, N).
 
-    Constraints without a common degree of freedom are treated apart, which keeps the basis sparse: a column outside
-    all constraints is a unit vector.
+    Groups of constraints without a common degree of freedom are treated separately, which keeps the basis sparse: a
+    column outside all constraints is a unit vector.
     """
     size = rows.shape[1]
     pattern = csr_array(rows != 0, dtype=float)

@@ -1,4 +1,4 @@
-r"""A beam: mesh, supports, point masses, rigid-body modes, and what it answers as a structure.
+r"""A beam as a structure: mesh, supports, point masses, rigid-body modes, recovery of moments.
 
 Bending moments follow from equilibrium instead of curvature. The nodal forces of an element are k u - f, where f is its
 distributed inertia and the point loads inside it. They converge as fast as the nodal displacements (fourth order),
@@ -42,7 +42,7 @@ from beamsim.typing import Floats, Ints
 
 
 def _largest_at(model: BeamStructure, x: Floats, segment_values: Sequence[float | None]) -> Floats | None:
-    """(nx,) a value of the segments of a beam at stations, the larger one where two meet; None if one is unknown."""
+    """(nx,) a property of segments at stations, the larger value where two meet; None if a segment has none."""
     known = [value for value in segment_values if value is not None]
     if len(known) < len(segment_values):
         return None
@@ -53,58 +53,57 @@ def _largest_at(model: BeamStructure, x: Floats, segment_values: Sequence[float 
 
 
 def moment_rows(member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
-    """(nx, n) scaled moments E I w'' at nondimensional x, for a unit of each column of the basis.
+    """(nx, n) scaled moments E I w'' at dimensionless x, for a unit of each column of the basis.
 
     Parameters
     ----------
-    member : the beam, and how it lies in its structure.
+    member : the beam and its expansion in the structure.
     basis : reduced coordinates of the whole structure.
     x : (nx,) nondimensional stations.
 
     Returns
     -------
     (nx, n) array
-        In E I / L^2 of the beam, for a metre.
+        In units of E I / L^2 of the beam, for one metre.
 
     Notes
     -----
-    If all modes are kept, there are no static vectors to represent the kinks under point loads. The modes that the
-    mesh does not resolve (with numbers above the number of elements) are then corrected so that the moments of the
-    static deflections are exact in this case as well.
+    If all modes are kept there are no static vectors to represent the kinks under point loads. The unresolved modes
+    (with numbers above the number of elements) are then corrected so that the moments of static deflections are exact.
     """
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
     moment = _moments(member, x, basis.vectors, a, zip(basis.patterns, basis.pattern, strict=True))
-    moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
+    moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending
     if basis.modes == member.structure.size and basis.patterns:
         moment = moment + _static_correction(member, basis, x, moment)
     return moment
 
 
 def _static_moments(member: MemberBody, x: Floats, patterns: Sequence[LoadPattern]) -> tuple[Floats, Floats]:
-    """(N, m) static deflections under loads, with inertia relief, and (nx, m) their scaled moments."""
+    """(N, m) static deflections under loads, with inertia relief, and their scaled moments (nx, m)."""
     whole, loads = member.structure, np.array([pattern.vector for pattern in patterns]).T
     u = static_deflections(whole, loads)
     relief = -whole.rigid @ (whole.rigid.T @ loads)
     return u, _moments(member, x, u, relief, zip(patterns, np.eye(len(patterns)), strict=True))
 
 
-RIGHT_END_TOLERANCE = 1e-12  # of the length, within which a point is the right-hand end
+RIGHT_END_TOLERANCE = 1e-12  # relative to the length, within which a point counts as the right end
 
 
 def _moments(
     member: MemberBody, x: Floats, u: Floats, a: Floats, loads: Iterable[tuple[LoadPattern, Floats]]
 ) -> Floats:
-    """(nx, c) scaled moments of displacements u (N, c) that are in equilibrium with loads, K u = M a + loads.
+    """(nx, c) scaled moments of displacements u (N, c) in equilibrium with loads: K u = M a + loads.
 
-    What joints and supports hold acts on nodes, and so on no element. An inertia pattern becomes the acceleration of a
-    rigid motion, supports included; distributed loads become point forces between neighbouring stations x.
+    Joints and supports act at nodes only. An inertia pattern is the acceleration of a rigid motion, including supports;
+    distributed loads become point forces between neighbouring stations x.
     """
     model, inertia = member.body, member.mass_ratio / member.stiffness_ratio
     assert isinstance(model, BeamStructure)
     mesh, length = model.mesh, model.section.length
     displacement = model.all_dofs_map @ (member.expansion @ u)
     acceleration = model.all_dofs_map @ (member.expansion @ a) * inertia
-    forces = []  # nondimensional places (k,) and sizes (k,), and how many times they act on each column (c,)
+    forces = []  # dimensionless positions (k,) and magnitudes (k,), and their factors in each column (c,)
     for pattern, row in loads:
         site = pattern.site
         if isinstance(site, BaseDirection):
@@ -124,10 +123,10 @@ def _moments(
     u, a = displacement[mesh.dofs], acceleration[mesh.dofs] * model.line_mass[:, None, None]
     bent, moved = element_rows(h, 2, 2), element_rows(h, 0, 4)
     curvature = np.einsum("esd,edn->esn", bent, u) * model.bending[:, None, None]
-    at_ends = np.einsum("esd,esn->edn", bent, curvature)  # forces and moments on the nodes of each element
+    at_ends = np.einsum("esd,esn->edn", bent, curvature)  # forces and moments at the nodes of each element
     at_ends -= np.einsum("esd,esn->edn", moved, np.einsum("esd,edn->esn", moved, a))
     element, xi = mesh.locate(x)
-    left_of_station: list[Floats] = []  # moments of the point forces left of a station in its element
+    left_of_station: list[Floats] = []  # moments of point forces to the left of a station in its element
     for places, sizes, p in forces:
         e, within = mesh.locate(places)
         at_nodes = np.zeros((h.size, 4))
@@ -140,15 +139,15 @@ def _moments(
     moment += np.einsum("xd,xdn->xn", shape_functions(xi, h[element], -2), a[element])
     for part in left_of_station:
         moment += part
-    # At the right-hand end use the nodal moment itself, without the round-off of the integration.
+    # at the right end use the nodal moment, without the round-off of the integration
     moment[np.isclose(x, 1.0, rtol=0, atol=RIGHT_END_TOLERANCE)] = at_ends[-1, 3]
     return np.asarray(moment)
 
 
 def _resolved_count(member: MemberBody, basis: ReducedBasis) -> int:
-    """Number of modes that count as resolved by the meshes, so few that a beam has three quarters of the others left.
+    """Number of modes that count as resolved; at most a quarter of the energy of each further mode may be in a beam.
 
-    A beam has of each mode its share of the energy. Round-off decides neither between shares nor between modes alike.
+    Round-off must not decide between shares, or between equal modes; each beam has a share of the energy of each mode.
     """
     most = basis.size - 1 if member.structure.most_modes is None else member.structure.most_modes
     model = member.body
@@ -159,47 +158,47 @@ def _resolved_count(member: MemberBody, basis: ReducedBasis) -> int:
     return min(most, int(np.searchsorted(basis.omega, basis.omega[last] * (1 - 1e-9))))
 
 
-NEGLIGIBLE_DEFLECTION = 1e-9  # relative deflection per load: with less a load moves the beam as a rigid body
+NEGLIGIBLE_DEFLECTION = 1e-9  # relative, per load; below it the load only moves the beam as a rigid body
 
 
 def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, moment: Floats) -> Floats:
-    """(nx, n) correction of the unresolved modes that makes the static moments of the load patterns exact."""
+    """(nx, n) correction of unresolved modes that makes the static moments of the load patterns exact."""
     whole = member.structure
     u, exact = _static_moments(member, x, basis.patterns)
     coordinates = basis.vectors.T @ (whole.mass @ u)
     coordinates[: basis.rigid] = 0.0
     missing = exact - moment @ coordinates
     resolved = _resolved_count(member, basis)
-    # The part of a motion along the static deflections, by projection in the energy norm. Of more loads than such modes
-    # it is a fit, in which each weighs the same, whatever its level and however often it is listed.
+    # Component of a motion along the static deflections, by projection in the energy norm. With more loads than
+    # unresolved modes it is a fit, with equal weight for each load.
     strain = basis.omega[:, None] * coordinates
     size = np.linalg.norm(strain, axis=0)
     of_loads = np.linalg.norm([basis.vectors.T @ pattern.vector for pattern in basis.patterns], axis=1)
     bending = np.flatnonzero(size > NEGLIGIBLE_DEFLECTION * of_loads / basis.omega[basis.rigid])
     unit, lacking = strain[:, bending] / size[bending], missing[:, bending] / size[bending]
-    # What is listed twice counts once: neither its motion nor its moments differ, but in sign.
+    # A repeated load counts once: its motion and moments differ at most in sign.
     largest = np.max(np.abs(exact[:, bending] / size[bending]), initial=np.finfo(float).tiny)
     gram = np.vstack([unit, lacking / largest]).T @ np.vstack([unit, lacking / largest])
     once = ~np.tril(np.add.outer(np.diag(gram), np.diag(gram)) - 2 * np.abs(gram) < 1e-12, -1).any(axis=1)
-    part = unit[resolved:, once]  # of columns of length one: below 1e-9 is round-off, also where nothing else is left
+    part = unit[resolved:, once]  # columns of unit length: below 1e-9 is round-off
     fit = np.linalg.pinv(part, rcond=1e-9 / max(float(np.linalg.norm(part)), 1e-9))
     return np.pad(lacking[:, once] @ fit * basis.omega[resolved:], ((0, 0), (resolved, 0)))
 
 
 _DERIVATIVE = {DEFLECTION: 0, SLOPE: 1}
 FIXED_DERIVATIVES: dict[str, tuple[int, ...]] = {"clamped": (0, 1), "pinned": (0,), "guided": (1,), "free": ()}
-"""What supports hold of a node at the end of a beam or on the edge of a plate: deflection, 0, and slope, 1."""
+"""Derivatives (deflection 0, slope 1) that a support fixes at the end of a beam or the edge of a plate."""
 
 
 @dataclass(frozen=True)
 class BeamStructure(MeshedBody):
-    """A beam as a structure; places are metres from its left end."""
+    """A beam as a structure; positions are in metres from its left end."""
 
     section: BeamBody
     mesh: Mesh
-    segment_of: Ints  # (elements,) which of the beam's segments each element belongs to
-    bending: Floats  # (elements,) bending stiffness, in the largest of the beam
-    line_mass: Floats  # (elements,) mass per length, in the mean of the beam
+    segment_of: Ints  # (elements,) segment of each element
+    bending: Floats  # (elements,) bending stiffness, relative to the largest of the beam
+    line_mass: Floats  # (elements,) mass per length, relative to the mean of the beam
     sides: ClassVar[tuple[str, ...]] = ("length",)
 
     def recovery(
@@ -239,14 +238,15 @@ class BeamStructure(MeshedBody):
 
     @property
     def most_modes(self) -> int:
-        """One an element: the mesh has no modes with higher numbers."""
+        """Number of elements; the mesh does not resolve higher modes."""
         return self.mesh.elements
 
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency omega."""
-        # Free-free bounds every support from above (less is held, more modes below); beta_n ~ (n - 3/2) pi with
-        # both rigid-body modes counted. Segments cut apart bound the beam in the same way, and so does the softest and
-        # heaviest all along. A mass added lowers at most one more frequency past the limit, as does a rotary inertia.
+        # A free beam bounds every support from above (fewer restraints, more modes below); beta_n ~ (n - 3/2) pi with
+        # both rigid-body modes counted. Separate segments also bound the beam, and so does a uniform beam with the
+        # smallest stiffness and largest mass. An added mass or rotary inertia lowers at most one more frequency below
+        # the limit.
         beam, squared = self.section, (omega * self.frequency_scale) ** 2
         mass, stiffness, length = np.array(
             [(segment.mass_per_length, segment.bending_stiffness, segment.length) for segment in beam.uniform_segments]
@@ -261,7 +261,7 @@ class BeamStructure(MeshedBody):
         return min(apart, alike) + len(beam.point_masses) + rotary
 
     def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
-        """(all dofs,) deflection or slope, 1/m, at a place, or load vector."""
+        """(all dofs,) deflection, or slope, 1/m, at a place; or load vector of a region."""
         if isinstance(place, LoadedRegion):
             return self.load_vector(place)
         if place.direction not in _DERIVATIVE:
@@ -270,10 +270,10 @@ class BeamStructure(MeshedBody):
         return np.asarray(self.mesh.rows(place.coordinate / length, derivative).toarray()[0] / length**derivative)
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
-        """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
+        """(all dofs,) rigid displacement for a unit motion of the base."""
         if motion.direction not in ("", "z", "ry"):
             raise MethodError("direction", f"= {motion.direction} does not deflect a beam", "use z, or ry, a rotation")
-        turned = motion.direction == "ry"  # z goes down with x
+        turned = motion.direction == "ry"  # z decreases with x
         shares = [motion.axis_point[0], -self.section.length] if turned else [1.0, 0.0]
         return np.asarray(self.mesh.rigid_motions @ np.array(shares))
 
@@ -282,12 +282,12 @@ class BeamStructure(MeshedBody):
         return self.section.bending.bending_stiffness / self.section.length**3
 
     def reassemble(self, section: BeamBody) -> BeamStructure:
-        """The beam with other numbers on the same mesh."""
+        """A beam with other numbers on the same mesh."""
         return assemble_beam(section, self.name, mesh=self.mesh)
 
     @property
     def named_dofs(self) -> NamedDofs:
-        """Nodes from the left end, each with z and ry, the rotation about y that tilts the beam down."""
+        """Nodes from the left end, each with z and ry, the rotation about y that lowers the beam."""
         nodes, slopes = self.free // 2, self.free % 2 == 1
         names = tuple((int(n) + 1, "ry" if slope else "z") for n, slope in zip(nodes, slopes, strict=True))
         places = np.zeros((self.free.size, 3))
@@ -300,7 +300,7 @@ class BeamStructure(MeshedBody):
         return np.array([place.coordinate, 0.0, 0.0])
 
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
-        """Deflection and slope of each end that is held, or on springs."""
+        """Deflection and slope of each end that is fixed or elastically supported."""
         springs = {(each.name, each.site): each for each in self.end_springs}
         restraints = []
         for name, x, first in (("left", 0.0, 0), ("right", self.section.length, self.mesh.size - 2)):
@@ -322,14 +322,14 @@ class BeamStructure(MeshedBody):
         return float(np.abs(spline(np.append(self.mesh.nodes, level[np.isfinite(level)]))).max())
 
     def given_field(self, numbers: Sequence[float]) -> BodyField:
-        """A polynomial in x (m) from the left end, by its coefficients of x^0, x^1, ..., in SI units."""
+        """A polynomial in x (m) from the left end, given by its coefficients of x^0, x^1, ..., in SI units."""
         mesh, length, masses = self.mesh, self.section.length, self.section.point_masses
         polynomial = np.polynomial.Polynomial(np.asarray(numbers, dtype=float) * length ** np.arange(len(numbers)))
         points, weights = np.polynomial.legendre.leggauss(len(numbers) // 2 + 4)
         x = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (points + 1) / 2).ravel()
         weight = mesh.lengths[:, None] * weights / 2
         at = np.array(self.section.mass_points) / length
-        turning = np.array([m.rotary_inertia for m in masses]) / length**2  # of slopes by x / L
+        turning = np.array([m.rotary_inertia for m in masses]) / length**2  # for slopes with respect to x / L
         lumped = np.concatenate([[m.mass for m in masses], turning]) / self.mass_scale
         rows = vstack([mesh.rows(x), mesh.rows(at), mesh.rows(at, 1)], format="csr")
         kinetic = WeightedValues(
@@ -357,21 +357,20 @@ def assemble_beam(
 ) -> BeamStructure:
     """Sparse matrices of a beam on its supports (equations: docs/theory.md, section 1).
 
-    Without a mesh, one is made with nodes at point masses, bounds of segments and what the beam asks for; consistent
-    mass everywhere else. The units of stiffness and mass are the largest E I over the length cubed, and the mass of the
-    beam itself.
+    A mesh has nodes at point masses, segment ends and requested positions, and a consistent mass matrix. Units are the
+    largest E I over the length cubed for stiffness, and the mass of the beam without point masses.
 
     Parameters
     ----------
     beam : the section of the scenario.
-    name : of the body.
-    nodes : m, where something joins the beam: nodes of a mesh that is made.
-    mesh : one that is there.
+    name : name of the body.
+    nodes : m, positions where something is joined to the beam, for a new mesh.
+    mesh : an existing mesh; a new one by default.
 
     Returns
     -------
     BeamStructure
-        Scaled, without the dofs that supports hold.
+        Scaled, without fixed dofs.
     """
     length, segments = beam.length, beam.uniform_segments
     bounds = np.array([0.0, *(segment.start / length for segment in segments[1:]), 1.0])
@@ -395,9 +394,9 @@ def assemble_beam(
         inertia.append(mesh.rows(at, 1) * (np.sqrt(rotary / mass_scale) / length)[:, None])
     moving = vstack(inertia, format="csr")
 
-    if beam.damping is not None and beam.damping.kind == "viscous":  # of which point masses are left out
+    if beam.damping is not None and beam.damping.kind == "viscous":  # point masses are not included
         drag = beam.damping.coefficient * length * (deflected.T @ deflected)
-    extension = np.zeros((0, 2))  # of springs at the ends in rigid-body motions
+    extension = np.zeros((0, 2))  # extension of end springs in rigid-body motions
     springs = _end_springs(beam, name) if beam.elastic_supports else ()
     if springs:
         factor, drag, extension = _with_end_springs(springs, length, mesh, (factor, drag), stiffness_scale)
@@ -413,14 +412,13 @@ def assemble_beam(
 def _with_end_springs(
     springs: Sequence[Coupling], length: float, mesh: Mesh, matrices: tuple[Any, Any], unit: float
 ) -> tuple[Any, Any, Floats]:
-    """Factor and damping with springs and dashpots at the ends, and (k, 2) the springs' extension in rigid-body
-    motions.
+    """Factor and damping with end springs and dashpots, and (k, 2) spring extension in rigid-body motions.
 
     Parameters
     ----------
-    springs, length, mesh : of the beam.
+    springs, length, mesh : properties of the beam.
     matrices : factor of all dofs, and their damping, N s/m, or None.
-    unit : N/m, of the stiffness.
+    unit : unit of stiffness, N/m.
     """
     factor, drag = matrices
     rows = np.zeros((len(springs), mesh.size))

@@ -1,4 +1,4 @@
-"""A chain of lumped masses between walls, and what it answers as a structure."""
+"""A chain of lumped masses between walls, as a structure."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from beamsim.typing import Floats, Ints
 
 
 def _extension_rows(count: int, ends: Sequence[tuple[int, int]]) -> Floats:
-    """(links, count) how far links draw the masses at their ends (from 0) apart; a number beyond them is a wall."""
+    """(links, count) extension of links for a unit displacement of each mass (from 0); an index outside is a wall."""
     masses = np.arange(count)
     return np.array([1.0 * (masses == b) - (masses == a) for a, b in ends]).reshape(-1, count)
 
 
 def floating_groups(rows: Floats) -> list[Ints]:
-    """Masses, from 0, that springs join and that neither a wall nor the ground holds, group by group.
+    """Groups of masses (from 0) that springs connect to each other but not to a wall or the ground.
 
-    ``rows`` (springs, masses) are how far a unit displacement of each mass extends each spring.
+    ``rows`` (springs, masses) is the extension of each spring for a unit displacement of each mass.
     """
     joined = (rows != 0).astype(float)
     held = joined[joined.sum(axis=1) == 1].any(axis=0)
@@ -42,27 +42,27 @@ def floating_groups(rows: Floats) -> list[Ints]:
 
 @dataclass(frozen=True)
 class ChainStructure(BodyStructure):
-    """Masses in a row; places are their numbers from 1."""
+    """Masses in a row; places are their numbers, from 1."""
 
     section: Chain
 
     def frequency_count(self, omega: float) -> int:
-        """All of them."""
+        """The number of masses."""
         return self.size
 
     def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(N,) displacement of a mass for a unit of each degree of freedom."""
-        assert isinstance(place, Place)  # the scenario refuses the others
+        assert isinstance(place, Place)  # the scenario refuses other places
         if place.direction != DEFLECTION:
             raise ValueError(f"the masses of a chain have no motion {place.direction}")
         return np.asarray(np.eye(self.size)[round(place.coordinate) - 1])
 
     def unit_stiffness(self, site: Site) -> float:
-        """The stiffest spring of the row, N/m."""
+        """The stiffest spring of the chain, N/m."""
         return max(self.section.springs)
 
     def reassemble(self, section: Chain) -> ChainStructure:
-        """The chain with other numbers."""
+        """A chain with other numbers."""
         return assemble_chain(section, self.name)
 
     def recovery(
@@ -83,7 +83,7 @@ class ChainStructure(BodyStructure):
         return Recovery(self.name, MASSES, np.arange(1.0, self.size + 1), shapes)
 
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
-        """The walls, and the ground at springs to it."""
+        """The walls, and the ground if springs are connected to it."""
         chain, size = self.section, self.size
         springs = []
         for name, link, mass in (("left", 0, 1), ("right", size, size)):
@@ -100,12 +100,12 @@ class ChainStructure(BodyStructure):
         ]
 
     def given_field(self, numbers: Sequence[float]) -> BodyField:
-        """One number a mass."""
+        """One number for each mass."""
         weights = self.mass.diagonal()
         return BodyField(WeightedValues(np.eye(self.size), weights, np.asarray(numbers, dtype=float)))
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        """(N,) inertia and (N,) force of springs to the ground, for a unit motion of the base."""
         ground = np.zeros(self.size)
         for spring in self.section.springs_to_ground:
             ground[_mass(spring) - 1] -= spring.linear_stiffness
@@ -120,15 +120,14 @@ def _mass(spring: Any, end: int = 0) -> int:
 def assemble_chain(chain: Chain, name: str = "chain", nodes: Sequence[float] = ()) -> ChainStructure:
     """Matrices of a chain: dashpots and springs between neighbours and walls, and the linear part of all other springs.
 
-    The walls move with the base; the ground does not, so under base motion a spring to ground pulls
-    with -k d(t) on the relative coordinates. What is not linear in a spring has no place in this
-    model; see `beamsim.contacts.snubbers`. ``nodes``, where something joins the chain, are masses anyhow.
+    The walls move with the base; the ground does not, so a spring to the ground acts with -k d(t) on the relative
+    coordinates. Nonlinear parts of springs are not included; see `beamsim.contacts.snubbers`.
 
     Parameters
     ----------
     chain : the section of the scenario.
-    name : of the body.
-    nodes : where something joins the chain, which are masses anyhow.
+    name : name of the body.
+    nodes : not used, since every mass is a node.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What is looked at first in a model of another program, each with a verdict."""
+"""Checks of an imported model, each with a verdict."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from beamsim.typing import Floats
 OK, NOTE, FAILS = "ok", "note", "fails"
 
 GROUNDED_FORCE = 1e-6
-"""Force under a rigid motion, relative to those that the entries would give one by one, above which a model is held."""
+"""Force under a rigid motion, relative to the sum of absolute contributions, above which a model is restrained."""
 _MODES = 10
 
 
@@ -38,12 +38,12 @@ class CheckRow:
 
 
 def check(scenario: Scenario) -> dict[str, tuple[CheckRow, ...]]:
-    """The checks of every body by itself, joints and snubbers left out."""
+    """The checks of every body separately, without joints and snubbers."""
     return {body.name: tuple(check_body(body.named_matrices)) for body in bodies_of(scenario)}
 
 
 def check_body(matrices: NamedMatrices) -> Iterator[CheckRow]:
-    """All rows for one body."""
+    """All checks of one body."""
     table = matrices.table
     modal = sum(direction == MODAL for _, direction in table.dofs)
     nodes = len({node for node, direction in table.dofs if direction != MODAL})
@@ -69,7 +69,7 @@ def check_body(matrices: NamedMatrices) -> Iterator[CheckRow]:
 
 
 def _rigid_motions(matrices: NamedMatrices) -> dict[str, Floats]:
-    """(N,) every row under translations, and where all coordinates are known rotations about the origin."""
+    """(N,) motion of every row under translations, and, if all coordinates are known, rotations about the origin."""
     table, none = matrices.table, np.zeros(0, dtype=np.int64)
     placed = np.array([direction != MODAL for _, direction in table.dofs])
     unknown = table.coordinates is None or np.any(np.isnan(table.coordinates[placed]))
@@ -110,7 +110,7 @@ def _mass_properties(matrices: NamedMatrices, motions: dict[str, Floats]) -> Ite
     for k, about in enumerate(DIRECTIONS[3:]):
         if about in motions:
             others = [d for d in DIRECTIONS[:3] if d != DIRECTIONS[k]]
-            # The parallel axis: a distance counts with the mass of the direction in which it makes points move.
+            # parallel axis theorem: a distance counts with the mass in the direction in which it moves points
             shift = sum(mass[other] * centre.get(d, 0.0) ** 2 for d, other in (others, others[::-1]) if other in mass)
             inertia[about] = momentum[about][about] - shift
     largest = max(inertia.values())
@@ -120,7 +120,7 @@ def _mass_properties(matrices: NamedMatrices, motions: dict[str, Floats]) -> Ite
 
 
 def _grounding_rows(matrices: NamedMatrices, motions: dict[str, Floats]) -> Iterator[CheckRow]:
-    # A base that does not turn holds the model against rotation, which is no fault; in its own direction it is one.
+    # A base without rotation restrains rotations, which is correct; in its own direction it would be an error.
     values = {name: _relative_force(matrices, motion) for name, motion in motions.items()}
     if not values:
         yield CheckRow("grounding", None, "not checked: no node has a direction", NOTE)
@@ -154,7 +154,7 @@ def _frequencies(matrices: NamedMatrices, motions: dict[str, Floats]) -> Iterato
         if not matrices.base:
             yield _worst_rows(free)
             return
-        del free, modes  # factors of a large model
+        del free, modes  # frees memory of a large model
         fixed, modes = _modes(replace(matrices, damping=None))
         omega = modes.omega * fixed.frequency_scale
         unheld = [note for note in fixed.notes if note.startswith(NOT_HELD_REMARK)]
@@ -177,7 +177,7 @@ def _remarks(structure: MatricesStructure) -> Iterator[CheckRow]:
 
 
 def _effective_masses(matrices: NamedMatrices, structure: MatricesStructure, modes: Modes) -> CheckRow:
-    """Share of the mass that each mode moves with the base; what the held rows have themselves counts as none."""
+    """Share of the mass that each mode moves with the base; the mass of the base's own rows is not counted."""
     participation = modes.vectors.T @ structure.base_load(UPWARDS)[0]
     effective = participation**2 * structure.mass_scale
     whole = matrices.table.of_direction(matrices.direction)
@@ -189,7 +189,7 @@ def _effective_masses(matrices: NamedMatrices, structure: MatricesStructure, mod
 
 
 def _worst_rows(structure: MatricesStructure) -> CheckRow:
-    """Rows whose pivot is smallest compared with their diagonal entry: what holds them cancels most digits."""
+    """Rows with the smallest pivot relative to their diagonal entry, where most digits cancel."""
     factors = structure.factorised_stiffness
     if structure.rigid.shape[1]:
         factors = symmetric_lu(structure.stiffness + 1e-3 * structure.mass, structure.order)

@@ -1,7 +1,7 @@
-r"""Nodes with displacement systems of their own, as Nastran's field CD gives them, turned to the axes of the model.
+r"""Rotation of nodes with their own displacement systems (Nastran's field CD) to the axes of the model.
 
-With A the unit vectors of a node's system as rows, its displacements and rotations are :math:`u_{own} = A u`. Of all
-rows :math:`u_{own} = T u`, and the matrices become :math:`T^T M T`, that of recovery :math:`R T`.
+With A the unit vectors of a node's system as rows, its displacements and rotations are :math:`u_{own} = A u`. For all
+rows :math:`u_{own} = T u`; the matrices become :math:`T^T M T`, and that of recovery :math:`R T`.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from beamsim.scenario.matrices import DisplacementSystem
 from beamsim.structures.named_matrices import NamedMatrices
 from beamsim.typing import Floats
 
-ROUND_OFF = 1e-9  # of a unit vector
+ROUND_OFF = 1e-9  # relative to a unit vector
 
 
 def rotate_to_axes(matrices: NamedMatrices, systems: Sequence[DisplacementSystem]) -> NamedMatrices:
-    """The matrices with all directions along the axes of the model.
+    """Matrices with all directions along the axes of the model.
 
     Parameters
     ----------
-    matrices : as the files have them; its table says which system each row has.
-    systems : by their numbers.
+    matrices : as read from the files; the table gives the system of each row.
+    systems : definitions of the systems.
 
     Returns
     -------
     NamedMatrices
-        Its table keeps what its rows were, for directions of the nodes' own systems.
+        The table also keeps the original rows, for directions in the nodes' own systems.
 
     Raises
     ------
     MethodError
-        About ``dofs``: a system is unknown, a node has two or lacks coordinates, or the directions that it has of its
-        system are not together the axes of these names of the model.
+        About ``dofs``: a system is unknown, a node has two systems or no coordinates, or its directions in the
+        system do not together span axes of the model.
     """
     table, known = matrices.table, {each.number: each for each in systems}
     if table.systems is None:
@@ -74,15 +74,15 @@ def rotate_to_axes(matrices: NamedMatrices, systems: Sequence[DisplacementSystem
 
 
 def axes_at(system: DisplacementSystem, point: Floats, node: int) -> Floats:
-    """(3, 3) unit vectors of a system at a point, as rows: radial, tangential and axial of a cylinder.
+    """(3, 3) unit vectors of a system at a point, as rows; for a cylinder radial, tangential and axial.
 
-    On the axis of a cylindrical system they are those of its rectangular one.
+    On the axis of a cylindrical system they are those of its rectangular system.
 
     Parameters
     ----------
-    system : of the scenario.
-    point : (3,) of the node.
-    node : its number, for the message.
+    system : definition of the system.
+    point : (3,) coordinates of the node.
+    node : number of the node, for the message.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def axes_at(system: DisplacementSystem, point: Floats, node: int) -> Floats:
     Raises
     ------
     MethodError
-        About ``dofs``: the point is not known, and the system is not rectangular.
+        About ``dofs``: the point is unknown and the system is not rectangular.
     """
     origin, on_axis, in_plane = np.array(system.points)
     z = (on_axis - origin) / np.linalg.norm(on_axis - origin)

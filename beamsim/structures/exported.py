@@ -1,15 +1,15 @@
-r"""Matrices of a whole structure for other programs: joined bodies on named nodes, and Craig-Bampton models.
+r"""Matrices of a whole structure for other programs: joined bodies with named nodes, and Craig-Bampton models.
 
-Degrees of freedom that joints tie together keep as many names as they have motions. With :math:`u = T v` those of all
-bodies and S the rows that keep their names, the coordinates for other programs are :math:`u_S = T_S v`.
+Degrees of freedom that joints couple keep as many names as they have independent motions. With :math:`u = T v` those of
+all bodies, and S the rows that keep their names, the exported coordinates are :math:`u_S = T_S v`.
 
-A Craig-Bampton model keeps boundary degrees of freedom b, the base among them, and modes :math:`\Phi` of the others, i,
-with the boundary held,
+A Craig-Bampton model keeps the boundary degrees of freedom b, including the base, and modes :math:`\Phi` of the others,
+i, with a fixed boundary,
 
 .. math:: u_i = -K_{ii}^{-1} K_{ib} u_b + \Phi \eta
 
 (R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6, 1968). With all modes it
-is a change of coordinates; its stiffness does not couple the modes to the boundary.
+is exact; its stiffness matrix does not couple the modes to the boundary.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from beamsim.typing import Floats, Ints
 
 
 def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
-    """Matrices of a structure with its base, and what takes a row of its degrees of freedom to their rows.
+    """Matrices of a structure with its base, and the map from rows of its degrees of freedom to named rows.
 
     Returns
     -------
     NamedMatrices
-        Bodies have consecutive nodes, in their order.
+        The bodies have consecutive node numbers, in their order.
     (M, N) sparse
-        A row r of the structure's degrees of freedom, such as that of a place, is ``map @ r`` on the named ones.
+        ``map @ r`` converts a row r on the structure's degrees of freedom, such as that of a place.
 
     Raises
     ------
     MethodError
-        If springs hold the structure to the ground, which does not move with the base.
+        If springs connect the structure to the ground, which does not move with the base.
     """
 
     if isinstance(structure, BodyStructure):
@@ -76,7 +76,7 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
 
 
 def _names(bodies: Sequence[BodyStructure]) -> NamedDofs:
-    """Names of all bodies, whose nodes follow one another."""
+    """Names of all bodies, with consecutive node numbers."""
     dofs, places, last = [], [], 0
     named = [body.named_dofs for body in bodies]
     for each in named:
@@ -93,7 +93,7 @@ def _names(bodies: Sequence[BodyStructure]) -> NamedDofs:
 
 
 def _independent_rows(expansion: Any) -> Ints:
-    """As many independent rows as there are columns; of rows that joints tie together those with the largest pivots."""
+    """As many independent rows as there are columns; among rows coupled by joints those with the largest pivots."""
     by_column = expansion.tocsc()
     kept = []
     for columns in blocks_of(abs(by_column.T) @ abs(by_column)):
@@ -104,13 +104,13 @@ def _independent_rows(expansion: Any) -> Ints:
 
 
 def boundary_rows(structure: Structure, matrices: NamedMatrices, named_row_map: Any, places: Sequence[Place]) -> Ints:
-    """Rows of the named matrices where something acts, and those of the base.
+    """Rows of the named matrices at the places where something acts, and those of the base.
 
     Parameters
     ----------
-    structure : whose places they are.
-    matrices, named_row_map : as `named_structure` gives them.
-    places : where something acts.
+    structure : the structure with the places.
+    matrices, named_row_map : results of `named_structure`.
+    places : places where something acts.
 
     Returns
     -------
@@ -135,18 +135,18 @@ def boundary_rows(structure: Structure, matrices: NamedMatrices, named_row_map: 
 
 
 def row_at(structure: Structure, named_row_map: Any, place: Place) -> int | None:
-    """Row of the named matrices that is the motion of a place; None where there is no node in its direction.
+    """Row of the named matrices for the motion of a place; None if no node has this direction.
 
     Parameters
     ----------
-    structure : whose place it is.
-    named_row_map : (M, N) sparse, as `named_structure` gives it.
-    place : of the structure.
+    structure : the structure with the place.
+    named_row_map : (M, N) sparse, from `named_structure`.
+    place : place on the structure.
 
     Returns
     -------
     int or None
-        Number of the row.
+        Index of the row.
     """
     row = np.asarray(named_row_map @ structure.row(place))
     largest = int(np.argmax(np.abs(row)))
@@ -155,12 +155,12 @@ def row_at(structure: Structure, named_row_map: Any, place: Place) -> int | None
 
 
 def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> NamedMatrices:
-    """The model with ``mode_count`` modes of the held boundary, or all that there are, and the boundary (rows).
+    """Craig-Bampton model with a number of fixed-boundary modes (or all of them) and the boundary rows.
 
     Parameters
     ----------
     matrices : matrices of all rows.
-    boundary : (b,) rows that are kept.
+    boundary : (b,) boundary rows.
     mode_count : number of modes.
 
     Returns
@@ -171,7 +171,7 @@ def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> N
     Raises
     ------
     MethodError
-        If nothing is held, or the boundary does not hold the structure.
+        If there is no boundary, or it does not restrain the structure.
     """
     size = len(matrices.table.dofs)
     inner = np.setdiff1d(np.arange(size), boundary)
@@ -194,7 +194,7 @@ def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> N
     basis[boundary, modes.shape[1] + np.arange(boundary.size)] = 1.0
     coupling = matrices.stiffness.tocsr()[inner][:, boundary].toarray()
     follow = factors.solve(-coupling)
-    follow += factors.solve(-(coupling + stiffness @ follow))  # refined once
+    follow += factors.solve(-(coupling + stiffness @ follow))  # one refinement step
     basis[inner, modes.shape[1] :] = follow
     table = matrices.table.part(boundary)
     coordinates = table.coordinates
@@ -211,7 +211,7 @@ def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> N
 
 
 def _project(matrix: Any, basis: Floats, modes: int = 0, *, coupled: bool = True) -> Any:
-    """The matrix in the basis, symmetric; exact zeros between modes, and to the boundary if these are not coupled."""
+    """The matrix in a basis, symmetric, with exact zeros between modes and, if not ``coupled``, to the boundary."""
     projected = basis.T @ (matrix @ basis)
     projected = (projected + projected.T) / 2
     projected[:modes, :modes] = np.diag(np.diag(projected)[:modes])

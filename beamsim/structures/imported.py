@@ -1,8 +1,8 @@
-r"""Matrices of other programs made fit for use: checked, made symmetric, without massless motions, with a base.
+r"""Preparation of matrices from other programs: checks, symmetry, condensation of massless motions, base.
 
-With b the degrees of freedom that move with the base and q the others, the base has the static influence
-:math:`R_q = -K_{qq}^{-1} K_{qb} R_b` on them, exact for a rigid motion :math:`R_b` and for fixed-interface
-(Craig-Bampton) modes, whose rows are zero.
+With b the degrees of freedom that move with the base and q the others, the static influence of the base is
+:math:`R_q = -K_{qq}^{-1} K_{qb} R_b`, exact for a rigid motion :math:`R_b` and for fixed-interface (Craig-Bampton)
+modes, whose rows are zero.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from beamsim.structures.places import ROTATIONS, BaseDirection
 from beamsim.structures.symmetric_lu import blocks_of, symmetric_lu
 from beamsim.typing import Floats, Ints
 
-# Differences between a matrix and its transpose, relative to its largest entry: of single precision, and of digits cut.
+# Asymmetry relative to the largest entry that single precision or truncated digits explain.
 ROUND_OFF = 1e-6
-# Masses below this fraction of those around them are none.
+# Relative to neighbouring masses; smaller masses count as zero.
 MASSLESS = 1e-11
-# In the units of the file; products of several entries are floats.
+# In the units of the file; products of several entries must not overflow.
 LARGEST_ENTRY = 1e30
 
 
 def read_matrices_of(section: MatricesBody) -> NamedMatrices:
-    """The matrices of a body, checked and made symmetric.
+    """Read the matrices of a body, check them and make them symmetric.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
 
 
 def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_rows: Ints) -> Ints:
-    """Rows that have an entry other than zero in some matrix; programs write the others for what an analysis holds.
+    """Rows with a nonzero entry in some matrix; programs write zero rows for fixed degrees of freedom.
 
     Parameters
     ----------
@@ -109,12 +109,12 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_row
 
     Returns
     -------
-    (n,) rows.
+    (n,) indices of rows.
 
     Raises
     ------
     MethodError
-        Where nothing holds a row that has mass, or a row that is left out is recovered from.
+        If a row with mass has no stiffness, or an omitted row is needed for recovery.
     """
     entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in matrices if m is not None]
     loose = np.setdiff1d(np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0)), base_rows)
@@ -138,7 +138,7 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_row
 
 
 def _recovery(source: RecoverySource, table: DofTable) -> Any:
-    """(rows, N) sparse, columns in the order of the table."""
+    """(rows, N) sparse recovery matrix, with columns in the order of the table."""
     matrix = _of_file("recovery", source)
     values = csr_array(matrix.values)
     if np.iscomplexobj(values):
@@ -179,7 +179,7 @@ def _of_file(key: str, source: Any) -> FileMatrix:
 
 
 def _table(section: MatricesBody, file_matrices: dict[str, FileMatrix]) -> DofTable:
-    """Names by the table, or by the files."""
+    """Names of the rows, from the table or from the files."""
     if section.dofs is not None:
         table = read_dof_table(Path(section.dofs.file), sizes_of(section.units).length, section.dofs.decimal)
         for key, matrix in file_matrices.items():
@@ -205,7 +205,7 @@ def _table(section: MatricesBody, file_matrices: dict[str, FileMatrix]) -> DofTa
 
 
 def _in_order(key: str, matrix: FileMatrix, table: DofTable) -> Any:
-    """The matrix in the order of the table; what the file does not have is zero."""
+    """The matrix in the order of the table; missing entries are zero."""
     if matrix.rows is None:
         return csc_array(matrix.values)
     at = _placed(key, matrix.rows, table)
@@ -215,7 +215,7 @@ def _in_order(key: str, matrix: FileMatrix, table: DofTable) -> Any:
 
 
 def _placed(key: str, names: Sequence[Dof], table: DofTable) -> Ints:
-    """Row of the table of each name that a file gives."""
+    """Row of the table for each name in a file."""
     place = {dof: i for i, dof in enumerate(table.dofs)}
     unknown = next((dof for dof in names if dof not in place), None)
     if unknown is not None:
@@ -229,7 +229,7 @@ def _symmetric(key: str, matrix: Any, table: DofTable, remarks: list[str]) -> An
     difference = (matrix - matrix.T).tocoo()
     largest = float(np.abs(matrix.data).max(initial=0.0))
     asymmetry = float(np.abs(difference.data).max(initial=0.0))
-    if asymmetry <= np.finfo(float).eps * largest:  # that of a sum in another order
+    if asymmetry <= np.finfo(float).eps * largest:  # explained by another order of summation
         return matrix if asymmetry == 0.0 else ((matrix + matrix.T) / 2).tocsc()
     if asymmetry > ROUND_OFF * largest:
         worst = int(np.argmax(np.abs(difference.data)))
@@ -261,9 +261,9 @@ def _check_diagonals(mass: Any, stiffness: Any, table: DofTable) -> None:
 
 
 def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
-    """Sparse orthonormal bases (N, m) of what has mass and (N, p) of what has none.
+    """Sparse orthonormal bases of the motions with mass (N, m) and without mass (N, p).
 
-    Blocks of the mass matrix are taken one by one, each scaled to a unit diagonal.
+    Blocks of the mass matrix are treated separately, each scaled to a unit diagonal.
 
     Raises
     ------
@@ -271,13 +271,13 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
         If a motion has a negative mass beyond round-off.
     """
     size, diagonal = mass.shape[0], mass.diagonal()
-    massive = np.ones(size, dtype=bool)  # rows that are kept as they are
+    massive = np.ones(size, dtype=bool)  # rows that stay unchanged
     bases: tuple[list[Floats], list[Floats]] = ([], [])
     mixed = []
     for block in blocks_of(mass):
         if block.size == 1:
             massive[block] = diagonal[block[0]] > MASSLESS * diagonal.max()
-        elif block.size <= 800:  # larger ones are taken to have mass in every motion
+        elif block.size <= 800:  # larger blocks are assumed to have mass in every motion
             null = _null_motions(mass[block][:, block].toarray(), table.part(block))
             if null.shape[1]:
                 massive[block] = False
@@ -298,7 +298,7 @@ def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:
 
 
 def _null_motions(mass: Floats, table: DofTable) -> Floats:
-    """(n, p) orthonormal motions of a block (n, n) of the mass matrix, scaled to a unit diagonal, that have no mass."""
+    """(n, p) orthonormal massless motions of a block (n, n) of the mass matrix, scaled to a unit diagonal."""
     root = np.sqrt(np.maximum(np.diag(mass), 0.0))
     inverse = np.divide(1.0, root, out=np.ones_like(root), where=root > 0)
     values, vectors = np.linalg.eigh(mass * np.outer(inverse, inverse))
@@ -313,22 +313,22 @@ def _null_motions(mass: Floats, table: DofTable) -> Floats:
 
 
 def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
-    """(N, m) what moves with a unit of each motion that has mass: massless ones follow without force.
+    """(N, m) motion of all rows for a unit of each motion with mass; massless motions follow without force.
 
     Parameters
     ----------
     stiffness : (N, N) sparse.
-    massive, massless : (N, m) and (N, p) sparse bases of what has mass and what has none.
+    massive, massless : (N, m) and (N, p) sparse bases of motions with and without mass.
 
     Returns
     -------
     (N, m) sparse
-        Fields on all rows.
+        Motions of all rows.
 
     Raises
     ------
     MethodError
-        About ``mass``: the stiffness does not hold what has no mass.
+        About ``mass``: the stiffness does not restrain the massless motions.
     """
     inner = (massless.T @ stiffness @ massless).toarray()
     try:
@@ -348,23 +348,23 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
 
 
 def rigid_rows(table: DofTable, motion: BaseDirection, base_rows: Ints) -> Floats:
-    """(N,) motion of every row, m or rad, when the base moves by one unit and all nodes with it.
+    """(N,) rigid motion of every row, m or rad, for a unit motion of the base.
 
     Parameters
     ----------
     table : names and coordinates of the rows.
-    motion : of the base.
+    motion : motion of the base.
     base_rows : rows that move with it.
 
     Returns
     -------
     (N,) array
-        1 for translations along an axis of a row.
+        1 for a translation along the axis of a row.
 
     Raises
     ------
     MethodError
-        About ``dofs``: a rotation needs the coordinates of all nodes, unless a single one is held.
+        About ``dofs``: a rotation needs the coordinates of all nodes, unless the base is a single node.
     """
     if motion.direction not in ROTATIONS or (table.coordinates is None and np.unique(table.nodes[base_rows]).size == 1):
         return table.of_direction(motion.direction)
@@ -384,22 +384,22 @@ def base_influence(
 
     Parameters
     ----------
-    matrices : of all rows.
+    matrices : matrices of all rows.
     base_rows, free_rows : rows that move with the base, and the others.
-    motion : of the base; without a direction the one that the section names.
+    motion : motion of the base; without a direction the one of the section.
     no_rigid_motion : whether the held rows leave no rigid-body motion.
 
     Returns
     -------
     (N,) array
-        m and rad for a metre or radian of the base.
+        m and rad, for a metre or radian of the base.
 
     Raises
     ------
     MethodError
-        If the base cannot move without force: the stiffness goes to something else than the base.
+        If the base cannot move without force, because the stiffness connects to something else.
     """
-    if not motion.direction:  # a rotation is one about the first node that is held
+    if not motion.direction:  # a rotation about the first node of the base
         points, motion = matrices.table.coordinates, BaseDirection(matrices.direction)
         if points is not None and base_rows.size and np.all(np.isfinite(points[base_rows[0]])):
             motion = replace(motion, axis_point=tuple(points[base_rows[0]].tolist()))
@@ -412,7 +412,7 @@ def base_influence(
             "base", f"moves in {motion.direction}, but none of its nodes has that direction",
             f"they have {', '.join(there)}: choose one of these, or name other nodes",
         )  # fmt: skip
-    # Where the named directions already move without force, solving would only add round-off.
+    # If the named directions move without force, solving would only add round-off.
     if no_rigid_motion and not moves_freely(matrices.stiffness, influence):
         lu = symmetric_lu(matrices.stiffness[free_rows][:, free_rows])
         influence[free_rows] = lu.solve(-(matrices.stiffness[free_rows][:, base_rows] @ influence[base_rows]))

@@ -1,4 +1,4 @@
-"""A body with imported matrices, and what it answers as a structure."""
+"""A body with imported matrices, as a structure."""
 
 from __future__ import annotations
 
@@ -39,13 +39,17 @@ from beamsim.structures.structure import BodyStructure, MemberBody, ReducedBasis
 from beamsim.structures.symmetric_lu import SymmetricLU, dissection, factors_with_rigid_motions, negative_eigenvalues
 from beamsim.typing import Floats, Ints
 
-# A motion is rigid where its forces are below this fraction of those of its entries one by one, and its frequency
-# is far below the next.
+# A motion is rigid if its forces are below this fraction of the absolute contributions, and its frequency is far below
+# the next one.
 _RIGID, _GAP = 1e-9, 1e-5
 NOT_HELD_REMARK = "the base does not hold it"
-"""How the remark about motions that have no stiffness although the base is held begins."""
-DENSE_SHARE = 0.8  # of all pairs of nodes: a matrix that couples more is no longer one of elements
-_COUNT_OFFSETS = (1e-7, 1e-5, 1e-3)  # of a frequency below which modes are counted, where the count is hidden at it
+"""Beginning of the remark on motions without stiffness although there is a base."""
+DENSE_SHARE = 0.8  # share of node pairs, above which a matrix is not one of elements
+_COUNT_OFFSETS = (
+    1e-7,
+    1e-5,
+    1e-3,
+)  # relative frequency shifts, if round-off hides a count
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
 
 
@@ -53,38 +57,38 @@ _SOFT = "check the model that wrote it: loads that soften it, negative springs, 
 class MatricesStructure(BodyStructure):
     """Matrices of another program; places are nodes with a direction."""
 
-    source_matrices: NamedMatrices  # matrices of all rows
-    table: DofTable  # of the rows of `expansion`
+    source_matrices: NamedMatrices  # matrices of all rows in the files
+    table: DofTable  # names of the rows of `expansion`
     expansion: Any  # (rows, N) sparse: rows of the files that do not move with the base, from the degrees of freedom
-    massless: Floats  # (rows,) share of a row that has no mass
+    massless: Floats  # (rows,) massless share of a row
     scaled_stiffness: Any  # (N, N) scaled K
-    factors: SymmetricLU  # of K, with rigid-body modes as `factors_with_rigid_motions` gives them
+    factors: SymmetricLU  # factors of K, with rigid-body modes as in `factors_with_rigid_motions`
     _motions: dict[BaseDirection, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def stiffness(self) -> Any:
-        """(N, N) scaled K, as it was given."""
+        """(N, N) scaled K."""
         return self.scaled_stiffness
 
     @cached_property
     def factorised_stiffness(self) -> SymmetricLU:
-        """Factors of K, as they are known."""
+        """Factors of K, already known."""
         return self.factors
 
     @property
     def most_modes(self) -> int:
-        """Static vectors carry what the modes above these do."""
+        """Number of modes to keep by default; static vectors represent the higher ones."""
         return max(1, min(self.size - int(self.rigid.shape[1]), 100))
 
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency: negative eigenvalues of K - omega^2 M.
 
-        Where round-off hides that number, it is that of a slightly higher frequency.
+        If round-off hides this number, the count at a slightly higher frequency is returned.
 
         Raises
         ------
         MethodError
-            If it stays hidden.
+            If the count cannot be determined.
         """
         for aside in (0.0, *_COUNT_OFFSETS):
             limit = omega * (1 + aside)
@@ -99,12 +103,12 @@ class MatricesStructure(BodyStructure):
         )  # fmt: skip
 
     def row_number(self, place: Place) -> int | None:
-        """Row of the files of a place; None where there is none."""
+        """Row of the files for a place; None if there is none."""
         return self.table.number.get((round(place.coordinate), place.direction.removeprefix("local_")))
 
     def place_problem(self, place: Place | LoadedRegion, for_force: bool) -> tuple[str, str, str] | None:
-        """Key, message and remedy where there is no such place, or nothing can act there."""
-        assert isinstance(place, Place)  # the scenario refuses the others
+        """Key, message and remedy if the place does not exist, or nothing can act there; else None."""
+        assert isinstance(place, Place)  # the scenario refuses other places
         node = round(place.coordinate)
         number = self.row_number(place)
         if number is None:
@@ -126,7 +130,7 @@ class MatricesStructure(BodyStructure):
         return None
 
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
-        """Every direction of every node that the base holds."""
+        """Every direction of every node of the base."""
         held, _ = self._rows
         dofs, moved = self.source_matrices.table.dofs, self.rigid_motion(base)
         unit = np.zeros((held.size, len(dofs)))
@@ -145,7 +149,7 @@ class MatricesStructure(BodyStructure):
         return row
 
     def forces_of(self, motion: Floats) -> Floats:
-        """(3, rows of the files) forces of a displacement, N, acceleration and velocity of all rows."""
+        """(3, rows of the files) forces for a displacement, N, acceleration and velocity of all rows."""
         given = (self.source_matrices.stiffness, self.source_matrices.mass, self.source_matrices.damping)
         return np.array([np.zeros(motion.size) if matrix is None else matrix @ motion for matrix in given])
 
@@ -164,7 +168,7 @@ class MatricesStructure(BodyStructure):
 
     @property
     def named_dofs(self) -> NamedDofs:
-        """Those of the files; coordinates of their own where motions without mass were condensed."""
+        """Names from the files; generic coordinates if massless motions were condensed."""
         if self.expansion.shape[0] != self.size:
             names = tuple((i + 1, MODAL) for i in range(self.size))
             return NamedDofs(DofTable(names), np.ones(self.size), np.zeros(self.size))
@@ -172,7 +176,7 @@ class MatricesStructure(BodyStructure):
 
     @property
     def named_matrices(self) -> NamedMatrices:
-        """Those of the files, made symmetric."""
+        """The matrices of the files, made symmetric."""
         return self.source_matrices
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
@@ -184,12 +188,12 @@ class MatricesStructure(BodyStructure):
         return np.asarray(self.expansion.T @ inertia) / self.mass_scale, np.asarray(self.expansion.T @ ground)
 
     def demand_undamped(self, motion: BaseDirection) -> None:
-        """Refuse a motion of the base against dashpots of the matrices to something that does not move with it.
+        """Refuse a motion of the base if dashpots connect the matrices to something that does not move with it.
 
         Raises
         ------
         MethodError
-            Where there are some.
+            If there are such dashpots.
         """
         damping, free = self.source_matrices.damping, self._rows[1]
         if damping is not None and not moves_freely(damping[free], self.rigid_motion(motion)):
@@ -200,12 +204,12 @@ class MatricesStructure(BodyStructure):
 
     @cached_property
     def _rows(self) -> tuple[Ints, Ints]:
-        """Rows of the files that the base holds, and the others."""
+        """Rows of the files that move with the base, and the others."""
         held = _base_rows(self.source_matrices)
         return held, np.setdiff1d(np.arange(len(self.source_matrices.table.dofs)), held)
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
-        """(rows of the files,) displacement for a unit motion of the base."""
+        """(rows of the files,) rigid displacement for a unit motion of the base."""
         if motion not in self._motions:
             self._motions[motion] = base_influence(
                 self.source_matrices, *self._rows, motion, no_rigid_motion=not self.rigid.shape[1]
@@ -213,18 +217,18 @@ class MatricesStructure(BodyStructure):
         return self._motions[motion]
 
     def unit_stiffness(self, site: Site) -> float:
-        """Static stiffness of the structure there, N/m; with inertia relief where it is free."""
+        """Static stiffness of the structure at a site, N/m; with inertia relief if it is free."""
         row = self.row(site)
         return self.stiffness_scale / float(row @ static_deflections(self, row[:, None])[:, 0])
 
     def reassemble(self, section: Any) -> MatricesStructure:
-        """Itself."""
+        """The body itself."""
         return self
 
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """Displacements in the direction of the base, at no more nodes than can be drawn, and where forces act.
+        """Displacements in the direction of the base at a limited number of nodes, and at nodes with forces.
 
         Parameters
         ----------
@@ -243,7 +247,7 @@ class MatricesStructure(BodyStructure):
         shapes = self.expansion[rows] @ (member.expansion @ basis.vectors) / np.sqrt(member.structure.mass_scale)
         points = None if self.table.coordinates is None else self.table.coordinates[rows]
         nodes = self.table.nodes[rows].astype(float)
-        if not rows.size:  # the modes of a model on its interface alone have no place
+        if not rows.size:  # modal models without interface nodes have no places
             nodes, points, shapes = (
                 np.array([*self.source_matrices.base[:1], 0.0][:1]),
                 None,
@@ -253,9 +257,9 @@ class MatricesStructure(BodyStructure):
         return Recovery(self.name, NODES, nodes, np.asarray(shapes), points=points, lines=lines, direction=direction)
 
     def _lines(self, nodes: Floats, points: Floats) -> Ints | None:
-        """(k, 2) pairs of nodes that the stiffness couples, as an element does: its edges, no diagonals.
+        """(k, 2) pairs of nodes that elements connect: edges, without diagonals.
 
-        Of a matrix that couples most of all nodes, as a condensed one does, None.
+        None for a matrix that couples most nodes, such as a condensed one.
         """
         stiffness, of_rows = coo_array(self.source_matrices.stiffness), self.source_matrices.table.nodes
         at = np.minimum(np.searchsorted(nodes, of_rows), nodes.size - 1)
@@ -275,16 +279,16 @@ class MatricesStructure(BodyStructure):
         return np.array(edges, dtype=np.int64).reshape(-1, 2) if edges else None
 
     def deflections(self, vectors: Floats) -> Floats:
-        """Displacements of nodes, else all that there is."""
+        """Displacements of nodes; if there are none, all degrees of freedom."""
         rows = np.flatnonzero([direction in TRANSLATIONS for _, direction in self.table.dofs])
         return np.asarray(self.expansion[rows] @ vectors) if rows.size else np.asarray(vectors)
 
     def largest_at(self, field: Floats) -> str:
-        """Node and direction of the largest displacement of a field (N,), or rotation where nothing is displaced."""
+        """Node and direction of the largest displacement of a field (N,), or of the largest rotation."""
         return _largest_at(self.table, self.expansion @ field)
 
     def point_of(self, place: Place) -> Floats | None:
-        """(3,) coordinates of the node, m, where the table gives them."""
+        """(3,) coordinates of the node, m, if the table has them."""
         number = self.row_number(place)
         if number is None or self.table.coordinates is None or not np.all(np.isfinite(self.table.coordinates[number])):
             return None
@@ -292,13 +296,13 @@ class MatricesStructure(BodyStructure):
 
 
 def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any] = ()) -> MatricesStructure:
-    """Read, check, condense and scale the matrices of a body; ``nodes``, where something joins it, are there anyhow.
+    """Read, check, condense and scale the matrices of a body.
 
     Parameters
     ----------
-    section : of the body in the scenario.
-    name : of the body.
-    nodes : where something joins it.
+    section : section of the body.
+    name : name of the body.
+    nodes : not used, since all nodes are in the files.
 
     Returns
     -------
@@ -308,7 +312,7 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
     Raises
     ------
     ScenarioError
-        At the key of the body that is wrong.
+        At the invalid key of the body.
     """
     with _name_body(name):
         given, found = read_body(section, name)
@@ -318,12 +322,12 @@ def assemble_matrices(section: MatricesBody, name: str = "", nodes: Sequence[Any
 
 
 def read_body(section: MatricesBody, name: str) -> tuple[NamedMatrices, FileSummary]:
-    """The matrices in the files of a body, in SI units, and what a user should know of them.
+    """The matrices in the files of a body, in SI units, with a summary for the user.
 
     Raises
     ------
     ScenarioError
-        At the key of the body that is wrong.
+        At the invalid key of the body.
     """
     with _name_body(name):
         given = read_matrices_of(section)
@@ -332,7 +336,7 @@ def read_body(section: MatricesBody, name: str) -> tuple[NamedMatrices, FileSumm
 
 
 def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
-    """What the files of imported bodies hold; nothing is assembled.
+    """Summaries of the files of imported bodies, without assembling the structure.
 
     Raises
     ------
@@ -348,7 +352,7 @@ def summaries_of_files(scenario: Scenario) -> tuple[FileSummary, ...]:
 
 @contextmanager
 def _name_body(name: str) -> Iterator[None]:
-    """Name the body in errors about its keys."""
+    """Add the name of the body to errors about its keys."""
     try:
         yield
     except MethodError as error:
@@ -356,23 +360,23 @@ def _name_body(name: str) -> Iterator[None]:
 
 
 def structure_of(matrices: NamedMatrices, damping: Any = None, name: str = "") -> MatricesStructure:
-    """The structure of matrices whose base holds what `NamedMatrices.base` says.
+    """The structure of matrices whose base is given by `NamedMatrices.base`.
 
     Parameters
     ----------
     matrices : matrices of all rows, SI units.
-    damping : section of the scenario, modal or Rayleigh; None without.
-    name : of the body.
+    damping : section of the scenario, modal or Rayleigh; None without damping.
+    name : name of the body.
 
     Returns
     -------
     MatricesStructure
-        On the rows that the base leaves and that have mass.
+        On the rows that have mass and do not move with the base.
 
     Raises
     ------
     MethodError
-        Where the base holds every row or moves against springs or dashpots, or the matrices make no structure.
+        If all rows move with the base, the base moves against springs or dashpots, or the matrices are not valid.
     """
     held = _base_rows(matrices)
     free = np.setdiff1d(np.arange(len(matrices.table.dofs)), held)
@@ -384,7 +388,7 @@ def structure_of(matrices: NamedMatrices, damping: Any = None, name: str = "") -
     products = (expansion.T @ matrix @ expansion for matrix in (mass, stiffness))
     reduced_mass, reduced_stiffness = (((m + m.T) / 2).tocsc() for m in products)
     order = None
-    if expansion.shape[0] == expansion.shape[1]:  # nothing was condensed, so that rows are those of nodes
+    if expansion.shape[0] == expansion.shape[1]:  # without condensation the rows are those of nodes
         order = dissection(abs(reduced_stiffness) + abs(reduced_mass), table.coordinates)
     rigid, flexible, factors = rigid_modes(reduced_stiffness, reduced_mass, table, expansion, order)
     loose = [_not_held(table, expansion @ rigid)] if held.size and rigid.shape[1] else []
@@ -413,22 +417,22 @@ def structure_of(matrices: NamedMatrices, damping: Any = None, name: str = "") -
         order=order,
         notes=(*matrices.remarks, *condensed, *loose),
     )
-    structure.base_load(UPWARDS)  # refuses nodes of a base that springs to the ground hold, too
+    structure.base_load(UPWARDS)  # refuses base nodes that are also connected to the ground
     return structure
 
 
 def _not_held(table: DofTable, rigid: Floats) -> str:
-    """A remark on rigid motions (N, r) of the rows of a table, which a base leaves."""
+    """A remark on rigid motions (N, r) that a base does not prevent."""
     places = dict.fromkeys(_largest_at(table, motion) for motion in rigid.T)
     motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
     return f"{NOT_HELD_REMARK}: {motions} without stiffness, largest at {', '.join(places)}"
 
 
 def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, Floats, list[str]]:
-    """(N, n) motions of all rows for those that have mass, (N,) share of motions without in each row, and remarks."""
+    """(N, n) motion of all rows for each motion with mass, (N,) massless share of each row, and remarks."""
     massive, massless = massless_basis(mass, table)
     size, count = massless.shape
-    if not count or size > 4000:  # the modes of a larger model follow them anyhow
+    if not count or size > 4000:  # too large to compute the motions here
         return eye_array(size, format="csc"), np.zeros(size), []
     share = np.asarray(abs(massless).max(axis=1).toarray()).ravel()
     remark = f"{count} motions without mass follow the others statically"
@@ -436,7 +440,7 @@ def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, 
 
 
 def _largest_at(table: DofTable, motion: Floats) -> str:
-    """Node and direction of the largest displacement of a motion (N,), or rotation where nothing is displaced."""
+    """Node and direction of the largest displacement of a motion (N,), or of the largest rotation."""
     motion = np.abs(motion)
     shifts = np.where([direction in TRANSLATIONS for _, direction in table.dofs], motion, 0.0)
     row = int(np.argmax(shifts if shifts.max() > _RIGID * motion.max() else motion))
@@ -460,8 +464,8 @@ def rigid_modes(
     Parameters
     ----------
     stiffness, mass : (N, N) sparse, N/m and kg.
-    table, expansion : names of the rows, and these (rows, N) from the N degrees of freedom, for messages.
-    order : (N,) of elimination.
+    table, expansion : names of the rows, and their expansion (rows, N) from the N degrees of freedom, for messages.
+    order : (N,) order of elimination.
 
     Returns
     -------
@@ -471,7 +475,7 @@ def rigid_modes(
     Raises
     ------
     MethodError
-        If the stiffness or the mass matrix is not positive semidefinite.
+        If the stiffness or mass matrix is not positive semidefinite.
     """
     size = mass.shape[0]
     count = min(size, 8)
@@ -504,9 +508,9 @@ def rigid_modes(
 
 
 def stiffness_factor(factors: SymmetricLU, rigid: Floats) -> Any:
-    """(p, N) sparse B with K = B^T B and B R = 0: the Cholesky factor of what is left when rigid motions R are held.
+    """(p, N) sparse B with K = B^T B and B R = 0: the Cholesky factor after the rigid motions R are fixed.
 
-    It is applied to a motion less the rigid one that the held degrees of freedom have.
+    It is applied to a motion minus its rigid part at the fixed degrees of freedom.
     """
     root = csr_array(factors.root)
     pinned = factors.pinned

@@ -1,4 +1,4 @@
-"""Motions that joints leave to a structure: which nothing stops, and where none is left."""
+"""Mechanisms: motions that joints leave free, and places that joints make immobile."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from beamsim.structures.places import SLOPE, LoadSite, ends_of
 from beamsim.structures.structure import Coupling, ReducedBasis, Structure
 from beamsim.typing import Floats
 
-NEGLIGIBLE_MOTION = 1e-9  # of the largest possible motion; less is round-off
+NEGLIGIBLE_MOTION = 1e-9  # relative to the largest possible motion; less is round-off
 COORDINATE_ROUND_OFF = (
     1e-4  # distances of joined points that differ by less, relative to the larger, are those of these
 )
 
 
 def immobile_problems(structure: Structure, loaded_sites: Sequence[tuple[Path, LoadSite, str]]) -> list[Problem]:
-    """What acts (path, where, its name) where joints leave no motion."""
+    """Problems of items (path, place, name) that act at immobile places."""
     if not structure.couplings:
         return []
     return [
@@ -38,15 +38,15 @@ def immobile_problems(structure: Structure, loaded_sites: Sequence[tuple[Path, L
 
 
 def open_loops(scenario: Scenario, structure: Structure) -> Iterator[str]:
-    """Warnings about joints that close a loop of bodies, whatever their angles, only across a distance.
+    """Warnings about joints that can close a loop of bodies only if they span a distance.
 
-    Two joints of a body may lie no further apart than the other bodies of any loop through them reach. Loops of beams
-    alone are those of the scenario.
+    The distance of two joints on a body cannot exceed the length of the rest of a loop through them. The scenario
+    checks loops of beams only.
     """
     if len(scenario.joints) < 2:
         return
     members = {member.body.name: member.body for member in structure.members}
-    points: dict[str, dict[int, Floats]] = {}  # by body, of its joints
+    points: dict[str, dict[int, Floats]] = {}  # points of the joints on each body
     for index, joint in enumerate(scenario.joints):
         for end in ends_of(site_in(scenario, joint)):
             point = members[end.body].point_of(end)
@@ -89,7 +89,7 @@ def open_loops(scenario: Scenario, structure: Structure) -> Iterator[str]:
 
 
 def floating_motions(structure: Structure, basis: ReducedBasis) -> str:
-    """Bodies that move without strain energy, and where most."""
+    """Bodies that move without strain energy, and the place of their largest motion."""
     field = basis.vectors[:, : basis.rigid]
     largest: dict[str, dict[str, None]] = {}
     for motion in field.T:
@@ -102,24 +102,24 @@ def floating_motions(structure: Structure, basis: ReducedBasis) -> str:
 def check_mechanisms(
     joints: Sequence[str], structure: Structure, basis: ReducedBasis, stopping_rows: Floats
 ) -> list[str]:
-    """Warnings about motions that joints leave free and contacts stop.
+    """Warnings about mechanisms that only contacts stop.
 
-    A motion of the bodies as rigid ones that turns or opens a joint is a mechanism. Floating as a whole is none.
+    A mechanism is a motion of rigid bodies that rotates or opens a joint. Floating as a whole is not a mechanism.
 
     Parameters
     ----------
-    joints : names of them, in the scenario's order.
-    structure, basis : the bodies that they join, and its reduced coordinates.
-    stopping_rows : (m, n) rows of contacts and nonlinear springs, the only things that can stop such a motion.
+    joints : names of the joints, in the order of the scenario.
+    structure, basis : structure with the joints, and its reduced coordinates.
+    stopping_rows : (m, n) rows of contacts and nonlinear springs, which can stop a mechanism.
 
     Returns
     -------
-    A sentence for each motion.
+    One sentence for each mechanism.
 
     Raises
     ------
     ScenarioError
-        If nothing stops it; it names joint and bodies.
+        If nothing stops a mechanism; the error names the joint and the bodies.
     """
     rigid = basis.rigid
     if not rigid or not structure.couplings:
@@ -143,7 +143,7 @@ def check_mechanisms(
 def _mechanisms(
     joints: Sequence[str], structure: Structure, basis: ReducedBasis, motions: Floats
 ) -> Iterator[tuple[int, str, str]]:
-    """What joints leave free in rigid motions (rigid, k): number of the joint, the motion, and what would hold it."""
+    """Yield mechanisms in rigid motions (rigid, k): index of the joint, description, and what would prevent it."""
     fields = basis.vectors[:, : basis.rigid] @ motions
     for coupling in structure.couplings:
         row = _opening(structure, basis, coupling)[: basis.rigid] @ motions
@@ -162,9 +162,9 @@ def _mechanisms(
 
 
 def _turning(structure: Structure, couplings: Sequence[Coupling], motions: Floats) -> Iterator[tuple[str, str, str]]:
-    """Joints without slopes about which rigid motions (N, k) turn a body while what it is joined to rests.
+    """Yield joints without rotational coupling about which rigid motions (N, k) rotate a body.
 
-    Name of the joint, the body, and where it moves most.
+    Each item is the name of the joint, the body, and the place of its largest motion.
     """
     fields = motions / np.maximum(np.linalg.norm(motions, axis=0), np.finfo(float).tiny)
     for coupling in couplings:
@@ -182,7 +182,7 @@ def _turning(structure: Structure, couplings: Sequence[Coupling], motions: Float
 
 
 def _opening(structure: Structure, basis: ReducedBasis, coupling: Coupling) -> Floats:
-    """(n,) how far a joint opens, in addition to the motion of its ends, for a unit of each coordinate."""
+    """(n,) opening of a joint in addition to the motion of its ends, for a unit of each coordinate."""
     largest = float(np.abs(structure.rows(list(coupling.ends)) @ basis.vectors).max())
     return np.asarray(structure.row(coupling.site) @ basis.vectors / max(largest, np.finfo(float).tiny))
 

@@ -1,4 +1,4 @@
-r"""Beams and plates in cubic Hermite elements: nondimensional meshes, and bodies of which supports hold some dofs.
+r"""Beams and plates in cubic Hermite elements: dimensionless meshes, and bodies with fixed degrees of freedom.
 
 Lengths are divided by the beam length L. An element of nondimensional length *h* has the degrees of freedom
 (w1, L w1', w2, L w2'); all four are in metres, which keeps the matrices well scaled
@@ -46,14 +46,14 @@ _PER_DOF = np.array([0, 1, 0, 1])  # powers of h that multiply the four degrees 
 
 
 def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
-    """Values of the four shape functions, or of their derivative with respect to x / L.
+    """The four shape functions, or a derivative of them with respect to x / L.
 
     Parameters
     ----------
     xi : (...,) position within the element, 0 to 1.
     h : (...,) nondimensional element length, broadcast against xi.
-    derivative : order of the derivative; zero is returned above 3. Of an order -2 the double integral from the left
-        end, h^2 * int_0^xi (xi - s) N_i(s) ds: moments at xi of the loads N_i to its left.
+    derivative : order of the derivative; zero above 3. The order -2 is the double integral from the left end,
+        h^2 * int_0^xi (xi - s) N_i(s) ds: the moment at xi of the loads N_i to its left.
 
     Returns
     -------
@@ -70,13 +70,13 @@ def shape_functions(xi: ArrayLike, h: ArrayLike, derivative: int = 0) -> Floats:
 
 
 def element_rows(h: ArrayLike, derivative: int, points: int) -> Floats:
-    """Rows B of an element with B^T B the integral of the square of a derivative, by Gauss quadrature.
+    """Rows B of an element, where B^T B is the integral of a squared derivative, by Gauss quadrature.
 
     Parameters
     ----------
     h : (...,) nondimensional element lengths.
     derivative : order of the derivative with respect to x / L: 0 for the mass, 2 for the stiffness.
-    points : of the quadrature; 4 are exact for deflections, 2 for curvatures.
+    points : number of quadrature points; 4 are exact for deflections, 2 for curvatures.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def element_rows(h: ArrayLike, derivative: int, points: int) -> Floats:
 
 
 class Mesh:
-    """Nodes of a beam on the nondimensional axis x / L, from 0 to 1; node i has dofs 2 i and 2 i + 1.
+    """Nodes of a beam on the dimensionless axis x / L, from 0 to 1; node i has dofs 2 i and 2 i + 1.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Mesh:
         self.size = 2 * int(nodes.size)  # degrees of freedom without supports
         self.lengths: Floats = np.diff(nodes)  # (elements,) nondimensional
         self.dofs: Ints = 2 * np.arange(self.elements)[:, None] + np.arange(4)  # (elements, 4)
-        self.deflections: Ints = 2 * np.arange(nodes.size)  # (elements + 1,) dofs that are deflections of the nodes
+        self.deflections: Ints = 2 * np.arange(nodes.size)  # (elements + 1,) dofs that are nodal deflections
         # (size, 2) translation, and rotation about the left end, w = x / L
         self.rigid_motions: Floats = np.zeros((self.size, 2))
         self.rigid_motions[::2, 0] = self.rigid_motions[1::2, 1] = 1.0
@@ -109,17 +109,17 @@ class Mesh:
 
     @property
     def lines(self) -> tuple[Floats]:
-        """(elements + 1,) nodes along the one direction."""
+        """(elements + 1,) nodes along the axis."""
         return (self.nodes,)
 
     def locate(self, x: ArrayLike) -> tuple[Ints, Floats]:
-        """Element that contains x / L and the position within it, 0 to 1 (a node belongs to its right-hand element)."""
+        """Element that contains x / L (a node belongs to the element to its right), and position in it, 0 to 1."""
         x = np.asarray(x, dtype=float)
         element = np.clip(np.searchsorted(self.nodes, x, side="right") - 1, 0, self.elements - 1)
         return element.astype(np.int64), (x - self.nodes[element]) / self.lengths[element]
 
     def rows(self, x: ArrayLike, derivative: int = 0) -> Any:
-        """(k, size) sparse rows that give a derivative by x / L of the deflection at k positions x / L."""
+        """(k, size) sparse rows of a derivative of the deflection with respect to x / L, at k positions x / L."""
         x = np.asarray(x, dtype=float).ravel()
         element, xi = self.locate(x)
         values = shape_functions(xi, self.lengths[element], derivative)
@@ -127,25 +127,24 @@ class Mesh:
         return csr_array((values.ravel(), (rows, self.dofs[element].ravel())), shape=(x.size, self.size))
 
     def square_rows(self, derivative: int, points: int) -> Any:
-        """(points elements, size) sparse rows B with B^T B the integral of the square of a derivative by x / L."""
+        """(points elements, size) sparse rows B, where B^T B is the integral of a squared derivative."""
         rows = element_rows(self.lengths, derivative, points)
         i, j = np.repeat(np.arange(points * self.elements), 4), np.repeat(self.dofs, points, axis=0).ravel()
         return csr_array((rows.ravel(), (i, j)), shape=(points * self.elements, self.size))
 
 
-ROUND_OFF = 1e-9  # relative, of a number of elements: 0.5 / 0.05 is not to add one
+ROUND_OFF = 1e-9  # relative, so that 0.5 / 0.05 elements are not rounded up
 
 
 def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterable[float] = (0.0, 1.0)) -> Mesh:
-    """A mesh with a node at every hard point, uniform in between, with no element longer than 1 / elements.
+    """Build a mesh with a node at every hard point, uniform in between, with no element longer than 1 / elements.
 
     Parameters
     ----------
     elements : number of elements of the beam without hard points.
-    hard_points : nondimensional positions that need a node (point masses, nodes that are asked for). A point within a
-        thousandth of an element from another node gets none, because a sliver element would make the matrices
-        ill-conditioned.
-    bounds : the ends, and positions that get a node in any case: where segments meet.
+    hard_points : dimensionless positions that need a node (point masses, requested nodes). A point within a thousandth
+        of an element from another node gets none, since a very short element would make the matrices ill-conditioned.
+    bounds : ends, and positions that always get a node, where segments meet.
 
     Returns
     -------
@@ -163,9 +162,9 @@ def build_mesh(elements: int, hard_points: Iterable[float] = (), bounds: Iterabl
 
 
 def graded_mesh(elements: int, grading: float, hard_points: Sequence[float]) -> Mesh:
-    """A mesh of 0 to 1 with nodes at the hard points, whose elements become smaller towards both ends.
+    """A mesh from 0 to 1 with nodes at the hard points, and with smaller elements towards both ends.
 
-    Nodes are x(t) of a mesh that is uniform in t, with x = (2 t)^grading / 2 up to the middle, and its mirror image.
+    Nodes are x(t) of a uniform mesh in t, with x = (2 t)^grading / 2 in the first half, and its mirror image.
 
     Parameters
     ----------
@@ -190,7 +189,7 @@ def graded_mesh(elements: int, grading: float, hard_points: Sequence[float]) -> 
 
 @dataclass(frozen=True)
 class PlateMesh:
-    """Lines of a mesh along both directions, on x / L and y / W; dofs of a product are numbered along y first."""
+    """Mesh lines in both directions, on x / L and y / W; dofs of the product are numbered along y first."""
 
     x: Mesh
     y: Mesh
@@ -223,7 +222,7 @@ class PlateMesh:
         return (self.x.deflections[:, None] * self.y.size + self.y.deflections).ravel()
 
     def rows(self, points: Floats, derivative: tuple[int, int] = (0, 0)) -> Any:
-        """(k, size) sparse rows that give a derivative (by x / L, by y / W) at nondimensional points (k, 2)."""
+        """(k, size) sparse rows of a derivative (with respect to x / L, y / W) at dimensionless points (k, 2)."""
         elements, values = [], []
         for mesh, at, order in zip((self.x, self.y), points.T, derivative, strict=True):
             element, xi = mesh.locate(at)
@@ -235,7 +234,7 @@ class PlateMesh:
         return csr_array((products.ravel(), (rows, columns.ravel())), shape=(points.shape[0], self.size))
 
     def crossings(self, start: Floats, end: Floats) -> Floats:
-        """(c,) shares of a line from start to end, both (2,), at which it enters another element, 0 and 1 included."""
+        """(c,) fractions of a line from start to end, both (2,), at which it enters another element, with 0 and 1."""
         shares = [np.array([0.0, 1.0])]
         for mesh, a, b in zip((self.x, self.y), start, end, strict=True):
             if a != b:
@@ -248,14 +247,14 @@ class PlateMesh:
 def on_supports(
     mesh: Mesh | PlateMesh, matrices: tuple[Any, Any, Any], supported_dofs: Ints, extension: Floats
 ) -> dict[str, Any]:
-    """Fields of a `MeshedBody` that follow from the matrices of all dofs and what holds them.
+    """Fields of a `MeshedBody` from the matrices of all dofs and the fixed dofs.
 
     Parameters
     ----------
-    mesh : of the body.
+    mesh : mesh of the body.
     matrices : scaled mass and factor of all dofs, and their damping, N s/m, or None.
     supported_dofs : dofs that the supports hold.
-    extension : (c, k) how far each of the mesh's rigid motions extends what else holds the body.
+    extension : (c, k) extension of other restraints for each rigid motion of the mesh.
 
     Returns
     -------
@@ -275,31 +274,31 @@ def on_supports(
 
 @dataclass(frozen=True)
 class MeshedBody(BodyStructure, ABC):
-    """A body whose places are metres from its left end, or from its left and bottom edges."""
+    """A body on a mesh; positions are in metres from its left end, or from its left and bottom edges."""
 
     mesh: Mesh | PlateMesh
-    free: Ints  # (N,) which of the unsupported body's dofs are left
+    free: Ints  # (N,) dofs of the unsupported body that are free
     recovers_moments: ClassVar[bool] = True
 
     def deflections(self, vectors: Floats) -> Floats:
-        """Those of the values (N,) or (N, k) that are deflections of nodes."""
+        """The nodal deflections of fields (N,) or (N, k)."""
         return vectors[np.isin(self.free, self.mesh.deflections)]
 
     @property
     def extent(self) -> Floats:
-        """(d,) sides of the body, m."""
+        """(d,) lengths of the sides, m."""
         return np.array([getattr(self.section, side) for side in self.sides], dtype=float)
 
     def load_vector(self, load: LoadedRegion) -> Floats:
-        """(all dofs,) of a distributed load of unit level, those that the supports hold included."""
+        """(all dofs,) load vector of a distributed load of unit level, including fixed dofs."""
         points, force = self.point_forces(load, np.zeros(0))
         return np.asarray(self.mesh.rows(points).T @ force)
 
     def point_forces(self, load: LoadedRegion, cuts: Floats) -> tuple[Floats, Floats]:
-        """Nondimensional positions (k, d) and forces (k,) that stand for a distributed load of unit level.
+        """Dimensionless positions (k, d) and magnitudes (k,) of point forces that represent a distributed load.
 
-        Between nodes, neighbouring ``cuts`` (m, along x) and corners of the shape they have the force and the moment of
-        the load, and those of its products with the shape functions.
+        Between nodes, neighbouring ``cuts`` (m, along x) and corners of the shape they have the same force, moment and
+        products with the shape functions as the load.
         """
         lines = [nodes * side for nodes, side in zip(self.mesh.lines, self.extent, strict=True)]
         points, weights = load.quadrature(self.extent, (np.concatenate([lines[0], cuts]), *lines[1:]))

@@ -13,7 +13,7 @@ from beamsim.structures.structure import Structure
 from beamsim.structures.symmetric_lu import SymmetricLU, symmetric_lu
 from beamsim.typing import Floats, Ints
 
-# Above this size the lowest modes come from shift-invert Lanczos instead of a dense decomposition.
+# Larger matrices use shift-invert Lanczos instead of a dense decomposition.
 DENSE_LIMIT = 400
 
 
@@ -25,24 +25,24 @@ class Modes:
     vectors: Floats  # (N, k) orthonormal in the mass matrix
 
 
-NEGLIGIBLE_EXTENSION = 1e-10  # extension of a spring per unit motion, below which the motion does not extend it
+NEGLIGIBLE_EXTENSION = 1e-10  # extension of a spring per unit motion; smaller values are round-off
 
 
 def allowed_rigid_motions(motions: Floats, extension: Floats, length: Floats | float = 1.0) -> Floats:
-    """(k, r) rigid-body motions that the supports and springs of the structure leave free.
+    """(k, r) rigid-body motions that supports and springs allow.
 
-    Known by construction, so that the frequencies of these motions are zero and not round-off.
+    They are found from the geometry, so that their frequencies are exactly zero.
 
     Parameters
     ----------
     motions : (N, k) all rigid-body motions, on all degrees of freedom.
-    extension : (c, k) how far each of them extends what holds.
-    length : (c,) of the rows that give the extension.
+    extension : (c, k) extension of each restraint for each motion.
+    length : (c,) length scale of each row of ``extension``.
 
     Returns
     -------
     (k, r) array
-        Each motion that is left, by its shares of the k.
+        Coefficients of the k motions in each allowed motion.
     """
     unit = np.linalg.norm(motions, axis=0)
     if not extension.size:
@@ -52,7 +52,7 @@ def allowed_rigid_motions(motions: Floats, extension: Floats, length: Floats | f
 
 
 def orthonormal_in_mass(vectors: Floats, mass: Any) -> Floats:
-    """(N, r) the same space, orthonormal in the mass matrix, each vector less what those before it hold of it."""
+    """(N, r) basis of the same space, orthonormal in the mass matrix (Gram-Schmidt)."""
     if not vectors.shape[1]:
         return vectors
     lower = np.linalg.cholesky(vectors.T @ (mass @ vectors))
@@ -60,10 +60,11 @@ def orthonormal_in_mass(vectors: Floats, mass: Any) -> Floats:
 
 
 def orient(vectors: Floats, deflections: Floats) -> Floats:
-    """Columns whose last significant deflection (more than a tenth of the largest) is positive.
+    """Flip columns so that the last significant deflection (more than a tenth of the largest) is positive.
 
-    The free end of a cantilever then moves up in every mode. A threshold instead of the maximum keeps the sign of
-    symmetric shapes independent of round-off. ``deflections`` (d, k) are those of the columns, by station.
+    The free end of a cantilever then moves up in every mode. A threshold instead of the maximum makes the sign of
+    symmetric shapes independent of round-off. ``deflections`` (d, k) are those of the columns, in the order of the
+    stations.
     """
     moved = np.abs(deflections) > 0.1 * np.abs(deflections).max(axis=0)
     last = deflections.shape[0] - 1 - np.argmax(moved[::-1], axis=0)
@@ -74,14 +75,14 @@ def orient(vectors: Floats, deflections: Floats) -> Floats:
 def lowest_eigenpairs(
     stiffness: Any, mass: Any, count: int, shift: float, factors: SymmetricLU | Ints | None = None
 ) -> tuple[Floats, Floats]:
-    """The lowest eigenvalues of K x = lambda M x: all of them at once, or by shift-invert Lanczos of large matrices.
+    """Lowest eigenvalues of K x = lambda M x: all by a dense method, or by shift-invert Lanczos for large matrices.
 
     Parameters
     ----------
     stiffness, mass : (N, N) sparse.
     count : number of eigenvalues.
-    shift : below the lowest one.
-    factors : of K - shift M, or (N,) the order of their elimination.
+    shift : value below the lowest eigenvalue.
+    factors : factors of K - shift M, or (N,) order of elimination.
 
     Returns
     -------
@@ -100,9 +101,9 @@ def lowest_eigenpairs(
 
 
 def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
-    """The lowest `count` flexible modes by shift-invert Lanczos, then one Rayleigh-Ritz step through B."""
+    """The lowest `count` flexible modes by shift-invert Lanczos, followed by a Rayleigh-Ritz step with B."""
     rigid = model.rigid.shape[1]
-    # K alone is singular where rigid-body modes exist; the shift is far below the flexible eigenvalues.
+    # K alone is singular if there are rigid-body modes; the shift is far below the flexible eigenvalues.
     sigma = -1e-3 if rigid else 0.0
     factors = model.order if rigid else model.factorised_stiffness
     _, vectors = lowest_eigenpairs(model.stiffness, model.mass, count + rigid, sigma, factors)
@@ -112,7 +113,7 @@ def _sparse(model: Structure, count: int) -> tuple[Floats, Floats]:
 def _rayleigh_ritz(model: Structure, vectors: Floats, count: int) -> tuple[Floats, Floats]:
     """The lowest `count` flexible modes within span(vectors)."""
     v = vectors - model.rigid @ (model.rigid.T @ (model.mass @ vectors))
-    # Orthonormal basis in M, without the rigid-body directions.
+    # Orthonormal basis in M, without rigid-body directions.
     mu, y = np.linalg.eigh(v.T @ (model.mass @ v))
     keep = np.argsort(mu)[-count:]
     q = v @ (y[:, keep] / np.sqrt(mu[keep]))
@@ -130,7 +131,7 @@ def natural_modes(
     model : the full model.
     count : at least this many modes (all modes if it exceeds the size of the model).
     up_to : at least all modes up to this scaled angular frequency. Without `count` and `below`: all modes.
-    most_modes : enough of those below that frequency.
+    most_modes : largest number of modes below that frequency.
 
     Returns
     -------
@@ -140,8 +141,8 @@ def natural_modes(
     Notes
     -----
     Frequencies are singular values of B L^{-T} with M = L L^T (or of B on the Ritz vectors), not square roots of
-    eigenvalues of K.
-    Their absolute error is machine precision times the *highest frequency*; for eigenvalues it would be its square.
+    eigenvalues of K. Their absolute error is machine precision times the *highest frequency*; for eigenvalues it would
+    be its square.
     """
     if model.substructures:
         return _modes_of_substructures(model, count, up_to)
@@ -154,14 +155,14 @@ def natural_modes(
 
 
 def _number_needed(model: Structure, count: int, up_to: float | None, most_modes: int | None) -> int:
-    """How many modes are computed; see `natural_modes`."""
+    """Number of modes to compute; see `natural_modes`."""
     size, rigid = model.rigid.shape
     estimate = 0 if up_to is None else model.frequency_count(up_to) + 1
     return int(min(max(count, estimate if most_modes is None else min(estimate, most_modes), rigid), size))
 
 
 def _all_elastic(model: Structure) -> tuple[Floats, Floats]:
-    """Frequencies and vectors of all modes but those of a rigid body, by a dense decomposition."""
+    """Frequencies and vectors of all flexible modes, by a dense decomposition."""
     size, rigid = model.rigid.shape
     lower = np.linalg.cholesky(model.mass.toarray())
     x = solve_triangular(lower, model.factor.toarray().T, lower=True).T
@@ -171,19 +172,19 @@ def _all_elastic(model: Structure) -> tuple[Floats, Floats]:
 
 
 def _lowest_elastic(model: Structure, count: int) -> tuple[Floats, Floats]:
-    """Frequencies and vectors of the lowest modes but those of a rigid body; of none where there are enough."""
+    """Frequencies and vectors of the lowest flexible modes; empty for a count of zero."""
     return _sparse(model, count) if count > 0 else (np.zeros(0), np.zeros((model.rigid.shape[0], 0)))
 
 
 def mode_of_unit_deflection(model: Structure, mode: int) -> Floats:
-    """(N,) a natural mode, numbered from 1, its largest nodal deflection 1."""
+    """(N,) a natural mode, numbered from 1, scaled to a largest nodal deflection of 1."""
     field = natural_modes(model, count=mode).vectors[:, mode - 1]
     deflections = model.deflections(field)
     return np.asarray(field / deflections[np.argmax(np.abs(deflections))])
 
 
 def _modes_of_substructures(model: Structure, count: int | None, up_to: float | None) -> Modes:
-    """The modes of all bodies in order of frequency, each of one body alone."""
+    """The modes of all substructures in order of frequency, each of a single substructure."""
     omega, vectors = [], []
     for structure, dofs in ((part.structure, part.dofs) for part in model.substructures):
         ratio = structure.frequency_scale / model.frequency_scale
@@ -198,14 +199,14 @@ def _modes_of_substructures(model: Structure, count: int | None, up_to: float | 
 
 
 def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) -> tuple[Floats, Floats]:
-    """Natural frequencies and modes of a structure (K = diag(omega^2), M = I) with springs added.
+    """Natural frequencies and modes of a structure (K = diag(omega^2), M = I) with additional springs.
 
     Parameters
     ----------
     omega : (n,) natural angular frequencies, the first `rigid` of them zero.
     shape : (m, n) deflection at each spring for a unit of each coordinate.
-    stiffness : (m,) spring stiffnesses, none negative.
-    rigid : number of rigid-body coordinates; those that no spring restrains keep a frequency of exactly zero.
+    stiffness : (m,) spring stiffnesses, not negative.
+    rigid : number of rigid-body coordinates; those without a spring keep a frequency of exactly zero.
 
     Returns
     -------
@@ -224,7 +225,7 @@ def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) ->
 
 
 def _restrained_count(shape: Floats, rigid: int) -> int:
-    """How many of the rigid-body coordinates, which are the first ones, springs with shapes (m, n) restrain."""
+    """Number of rigid-body coordinates (the first ones) that springs with shapes (m, n) restrain."""
     scale = np.linalg.norm(shape, axis=1, keepdims=True)
     rows = shape[:, :rigid] / np.where(scale > 0, scale, 1.0)
     return int(np.linalg.matrix_rank(rows, tol=1e-12 * np.sqrt(shape.shape[1])))

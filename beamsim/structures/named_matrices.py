@@ -1,4 +1,4 @@
-r"""Matrices of a body by named degrees of freedom: node and direction, as other programs have them.
+r"""Matrices of a body with named degrees of freedom (node and direction), as in other programs.
 
 The coordinates q of a body are relative to its base. With the absolute displacements :math:`u = q + r d` the base's
 displacement d becomes a degree of freedom of its own,
@@ -8,14 +8,14 @@ displacement d becomes a degree of freedom of its own,
 
 with L the inertia under a motion of the base and m the mass of the body.
 
-Matrices from and to the units of other programs: with L, M, F and T the SI sizes of the units of length, mass, force
-and time, the energies of a file are in F L (strain energy) and in :math:`M L^2 / T^2` (kinetic energy), and a degree of
-freedom u is in units of s: L of a displacement, 1 (rad) of a rotation. With D the diagonal matrix of 1 / s
+Unit conversion: with L, M, F and T the SI sizes of the units of length, mass, force and time, energies in a file are in
+F L (strain energy) and in :math:`M L^2 / T^2` (kinetic energy), and the unit s of a degree of freedom is L for a
+displacement and 1 (rad) for a rotation. With D the diagonal matrix of 1 / s,
 
 .. math:: K_{SI} = F L\, D K D, \quad M_{SI} = M L^2\, D M D, \quad C_{SI} = F L T\, D C D.
 
-A modal coordinate has :math:`s = L \sqrt{M}`, so that modes that are normalised to a unit modal mass stay that, as if
-the model had been in SI units; of any other scaling the motion of the nodes is the same.
+A modal coordinate has :math:`s = L \sqrt{M}`, so that modes with unit modal mass keep it, as if the model were in SI
+units; for other scalings the motion of the nodes is the same.
 """
 
 from __future__ import annotations
@@ -46,16 +46,18 @@ TRANSLATIONS = DIRECTIONS[:3]
 
 @dataclass(frozen=True)
 class DofTable:
-    """Row i of the matrices belongs to ``dofs[i]``."""
+    """Names of the rows of matrices: row i belongs to ``dofs[i]``."""
 
     dofs: tuple[Dof, ...]
-    coordinates: Floats | None = None  # (N, 3) of each row's node, m beyond the file; NaN where none are given
-    systems: Ints | None = None  # (N,) number of the system of each row in the file; 0 of the model's axes
-    to_file_systems: Any = None  # (N, N) sparse, rows as they were in those systems; None where there were none
+    coordinates: Floats | None = (
+        None  # (N, 3) coordinates of each row's node, m outside the file reader; NaN if unknown
+    )
+    systems: Ints | None = None  # (N,) system of each row in the file; 0 for the axes of the model
+    to_file_systems: Any = None  # (N, N) sparse map to the original rows in those systems; None without
 
     @cached_property
     def number(self) -> dict[Dof, int]:
-        """Row of each node and direction; modal coordinates of one node are distinguished by their order alone."""
+        """Row of each node and direction; modal coordinates of a node differ only by their order."""
         return {dof: i for i, dof in enumerate(self.dofs) if dof[1] != MODAL}
 
     @cached_property
@@ -64,7 +66,7 @@ class DofTable:
         return np.array([node for node, _ in self.dofs], dtype=np.int64)
 
     def of_direction(self, direction: str) -> Floats:
-        """(N,) 1 where a row has this direction, else 0."""
+        """(N,) 1 for rows with this direction, else 0."""
         return np.array([1.0 if each == direction else 0.0 for _, each in self.dofs])
 
     def rows_of(self, nodes: Sequence[int]) -> Ints:
@@ -79,14 +81,14 @@ class DofTable:
         return DofTable(tuple(self.dofs[i] for i in rows), coordinates, systems, turn)
 
     def row(self, node: int, direction: str) -> Floats | None:
-        """(N,) shares in a direction of a node, an axis of the model or of its own system (``local_x``)."""
+        """(N,) factors for a direction of a node, along an axis of the model or of its own system (``local_x``)."""
         number = self.number.get((node, direction.removeprefix("local_")))
         turned = self.to_file_systems is not None and direction.startswith("local_")
         units = self.to_file_systems if turned else eye_array(len(self.dofs), format="csr")
         return None if number is None else np.asarray(units[[number]].toarray()[0])
 
     def remedy(self, node: int) -> str:
-        """What there is instead of an unknown node, or direction of a node."""
+        """Remedy for an unknown node, or an unknown direction of a node."""
         directions = [each for number, each in self.dofs if number == node]
         if directions:
             return f"node {node} has {', '.join(directions)}"
@@ -102,11 +104,11 @@ class DofTable:
 
 @dataclass(frozen=True)
 class NamedDofs:
-    """Degrees of freedom of a body as other programs have them."""
+    """Degrees of freedom of a body with names for other programs."""
 
     table: DofTable
-    scale: Floats  # (N,) what the table names, in m and rad, for a unit of each degree of freedom
-    influence: Floats  # (N,) each, in the table's units, when the base moves by 1 m
+    scale: Floats  # (N,) named quantity, in m and rad, for a unit of each degree of freedom
+    influence: Floats  # (N,) motion of each, in the table's units, when the base moves by 1 m
 
 
 _TABLE_LAYOUT = "head its columns node, direction and, if wanted, x (mm), y (mm), z (mm) and system, in any order"
@@ -114,13 +116,13 @@ _AXES = ("x", "y", "z")
 
 
 def read_dof_table(path: Path, length: float = 1.0, decimal: DecimalMark | None = None) -> DofTable:
-    """The table of a text file with columns headed node, direction and, if wanted, x, y, z, and system, in any order.
+    """Read a text table with columns headed node, direction and optionally x, y, z and system, in any order.
 
     Parameters
     ----------
-    path : of the file.
-    length : m, the unit of the coordinates that the table gives back, and of those whose headings have no unit.
-    decimal : decimal mark of the numbers, where the user states it.
+    path : path of the file.
+    length : m, unit of the returned coordinates, and of coordinates without a unit in their heading.
+    decimal : decimal mark of the numbers, if the user gives it.
 
     Returns
     -------
@@ -129,8 +131,8 @@ def read_dof_table(path: Path, length: float = 1.0, decimal: DecimalMark | None 
     Raises
     ------
     MethodError
-        About ``dofs``: the file cannot be read, headings are missing or unknown, a line is wrong, or two lines name the
-        same.
+        About ``dofs``: the file cannot be read, headings are missing or unknown, a line is invalid, or two lines
+        have the same name.
     """
     try:
         with reading(path, "a table of degrees of freedom"):
@@ -181,12 +183,12 @@ def _dof_table(path: Path, length: float, decimal: DecimalMark | None) -> DofTab
 
 
 def _dof_columns(table: NamedColumns, length: float) -> tuple[dict[str, int], dict[str, float]]:
-    """Number of each column by its name, and the factor of each coordinate.
+    """Index of each column by its name, and the unit factor of each coordinate.
 
     Raises
     ------
     InputFileError
-        If a heading is missing, unknown or there twice, or has a unit that is none of a length.
+        If a heading is missing, unknown or repeated, or its unit is not a length.
     """
     names = table.names
     missing = [name for name in ("node", "direction") if name not in names]
@@ -213,7 +215,7 @@ def _dof_columns(table: NamedColumns, length: float) -> tuple[dict[str, int], di
 
 
 def write_dof_table(path: Path, table: DofTable) -> None:
-    """Write a table that `read_dof_table` reads."""
+    """Write a table that `read_dof_table` can read."""
     with open(path, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["node", "direction"] if table.coordinates is None else ["node", "direction", "x", "y", "z"])
@@ -224,28 +226,28 @@ def write_dof_table(path: Path, table: DofTable) -> None:
 
 @dataclass(frozen=True)
 class NamedMatrices:
-    """Matrices in SI units and the names of their rows."""
+    """Matrices in SI units, with the names of their rows."""
 
     table: DofTable
     mass: Any  # (N, N) sparse, kg
     stiffness: Any  # (N, N) sparse, N/m
     damping: Any  # (N, N) sparse, N s/m: dashpots and viscous damping; None without
-    base: tuple[int, ...]  # nodes that move with the base; none where nothing does
-    direction: str = "z"  # in which the base moves
-    remarks: tuple[str, ...] = ()  # what was done to the matrices of files
-    recovery: Any = None  # (k, N) sparse: other quantities, by unit of each degree of freedom; None without
-    time_unit: float = 1.0  # s, of the velocities and accelerations that the recovery matrix takes
-    units: str = ""  # of the files that they were read from
+    base: tuple[int, ...]  # nodes that move with the base; empty without base
+    direction: str = "z"  # direction of the base motion
+    remarks: tuple[str, ...] = ()  # changes made to the matrices of files
+    recovery: Any = None  # (k, N) sparse recovery matrix of other quantities; None without
+    time_unit: float = 1.0  # s, unit of time in velocities and accelerations for recovery
+    units: str = ""  # units of the files
 
 
 def moves_freely(stiffness: Any, motion: Floats, tolerance: float = 1e-6) -> bool:
-    """Whether the forces of a motion are round-off compared with those that the entries of K would give one by one.
+    """Whether the forces of a motion are only round-off, compared with the absolute contributions of the entries of K.
 
     Parameters
     ----------
     stiffness : (N, N) sparse K.
     motion : (N,).
-    tolerance : what counts as round-off.
+    tolerance : largest relative force that counts as round-off.
 
     Returns
     -------
@@ -254,26 +256,26 @@ def moves_freely(stiffness: Any, motion: Floats, tolerance: float = 1e-6) -> boo
     return bool(np.abs(stiffness @ motion).max() <= tolerance * (abs(stiffness) @ np.abs(motion)).max())
 
 
-_ROUND_OFF = 1e-9  # of forces, within which a motion of the base leaves none
+_ROUND_OFF = 1e-9  # relative force of a motion of the base that counts as zero
 
 
 def with_base_node(
     named_dofs: NamedDofs, mass: Any, stiffness: Any, damping: Any, inertia: Floats, total_mass: float
 ) -> NamedMatrices:
-    """Matrices of a body on its supports, which move with a node of their own, the last one; none without supports.
+    """Matrices of a body with an additional last node for its supports; unchanged without supports.
 
     Parameters
     ----------
     named_dofs : names and units of the degrees of freedom.
-    mass, stiffness, damping : (N, N) sparse, physical, for the degrees of freedom as the body has them; damping may be
-        None, and acts on motion relative to the base.
-    inertia : (N,) kg under a unit acceleration of the base.
-    total_mass : kg, with what the supports hold.
+    mass, stiffness, damping : (N, N) sparse, physical, for the degrees of freedom of the body; damping may be None, and
+        acts on motion relative to the base.
+    inertia : (N,) inertia load of a unit base acceleration, kg.
+    total_mass : kg, including the fixed degrees of freedom.
 
     Returns
     -------
     NamedMatrices
-        Absolute displacements.
+        For absolute displacements.
     """
     physical: Any = diags_array(1 / named_dofs.scale)
     mass, stiffness = (physical @ matrix @ physical for matrix in (mass, stiffness))
@@ -294,15 +296,15 @@ def with_base_node(
 
 
 def _with_base(matrix: Any, column: Floats, corner: float) -> Any:
-    """The matrix with one more row and column."""
+    """The matrix with an additional row and column."""
     border = csc_array(column[:, None])
     return block_array([[matrix, border], [border.T, csc_array([[corner]])]], format="csc")
 
 
 def in_si_units(matrices: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
-    """Matrices, recovery matrix and coordinates of a file in SI units.
+    """Convert matrices, recovery matrix and coordinates of a file to SI units.
 
-    The rows of a recovery matrix give what they gave, in the units of the file, now for motions in SI units.
+    The quantities of the recovery matrix keep their unit; they are now computed from motions in SI units.
     """
     length, mass, force, time = sizes
     if all(size == 1.0 for size in sizes):
@@ -327,25 +329,25 @@ def in_si_units(matrices: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
 
 
 def in_units(matrices: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
-    """The reverse: matrices and coordinates in SI units as a file in other units has them."""
+    """Convert matrices and coordinates from SI units to other units."""
     return in_si_units(matrices, type(sizes)(*(1.0 / size for size in sizes)))
 
 
-# Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4, and
-# 10 kg on interface nodes 5 mm apart 8e7.
+# Mass over the cube of the largest dimension, kg/m^3: a wire of 0.2 mm and 10 m has 2e-5, a block of tungsten 2e4,
+# and 10 kg on interface nodes 5 mm apart 8e7.
 LIGHTEST, HEAVIEST = 1e-6, 1e8
 
 
 @dataclass(frozen=True)
 class SizeAndMass:
-    """What of a structure shows mistaken units."""
+    """Size and mass of a structure, which reveal wrong units."""
 
-    mass: float | None  # kg, the largest of the directions; None where nothing is displaced
-    extent: Floats | None  # (3,) m, of all nodes along x, y and z; None without coordinates
+    mass: float | None  # kg, largest value over the directions; None without displacements
+    extent: Floats | None  # (3,) m, extent of the nodes along x, y and z; None without coordinates
 
     @property
     def text(self) -> str:
-        """Both in words."""
+        """Size and mass as text."""
         mass = "mass unknown (modal coordinates alone)" if self.mass is None else f"{self.mass:.4g} kg"
         if self.extent is None:
             return f"{mass}, size unknown (no coordinates)"
@@ -364,9 +366,9 @@ def size_and_mass(matrices: NamedMatrices) -> SizeAndMass:
 
 
 def doubtful_units(matrices: NamedMatrices, units: UnitSystem | FileUnits | None) -> list[str]:
-    """A warning where size and mass are those of a structure in other units than its files are taken to be in.
+    """A warning if size and mass suggest other units than those assumed for the files.
 
-    Frequencies do not show it: those in mm, t and s are the same.
+    Frequencies alone do not reveal this: those in mm, t and s are the same.
     """
     found = size_and_mass(matrices)
     if found.mass is None or found.extent is None or found.mass <= 0.0:
@@ -388,25 +390,25 @@ def doubtful_units(matrices: NamedMatrices, units: UnitSystem | FileUnits | None
 
 @dataclass(frozen=True)
 class FileSummary:
-    """What the files of a body hold, in SI units, as they are taken."""
+    """Contents of the files of a body, in SI units, as used."""
 
     body: str
     degrees_of_freedom: int
-    units: str  # of the files
-    units_assumed: bool  # whether the units were not stated
+    units: str  # units of the files
+    units_assumed: bool  # whether the units are the default
     size_and_mass: SizeAndMass
     remarks: tuple[str, ...]
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The summary as text."""
         units = f"{self.units}, the default" if self.units_assumed else self.units
         count = f"{self.degrees_of_freedom} degrees of freedom"
         return f"{self.body}: {count}, {self.size_and_mass.text}; units of its files: {units}"
 
     @property
     def as_json(self) -> dict[str, Any]:
-        """For ``--json``."""
+        """The summary for ``--json``."""
         return {
             "degrees_of_freedom": self.degrees_of_freedom,
             "units": self.units,

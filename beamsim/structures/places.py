@@ -1,6 +1,6 @@
-"""Where something sits or acts: a place of a body, a link of two places, a distributed load; how the base moves.
+"""Places: a point of a body, a link of two places, a distributed load; and the direction of base motion.
 
-Stations are the places along the bodies of a structure where shapes are known, and how they are drawn.
+Stations are the points along the bodies where shapes are known; this module also defines their axes in plots.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ ROTATIONS = ("rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class BaseDirection:
-    """One unit of displacement along an axis, m, or of rotation about one, rad; the right-hand rule gives its sense.
+    """A unit displacement along an axis, m, or a unit rotation about an axis, rad (right-hand rule).
 
-    Also the direction of gravity, which acts as an acceleration of the base the other way.
+    Also the direction of gravity, which is equivalent to an opposite acceleration of the base.
     """
 
-    direction: str = ""  # x, y, z, rx, ry or rz; empty: that of each body, z where it has none
-    axis_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, a point on the axis of a rotation
+    direction: str = ""  # x, y, z, rx, ry or rz; empty: the natural direction of each body, z by default
+    axis_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, point on the axis of a rotation
 
     def displacements(self, points: Floats) -> Floats:
         """(k, 3) displacements x, y, z of points (k, 3), m."""
@@ -37,7 +37,7 @@ class BaseDirection:
 
 
 UPWARDS = BaseDirection()
-"""The deflection of beams, plates and masses, and the direction that imported matrices name."""
+"""The deflection of beams, plates and masses, and the base direction of imported matrices."""
 
 
 _HERMITE = 3  # degree of the shape functions
@@ -45,25 +45,25 @@ _HERMITE = 3  # degree of the shape functions
 
 @dataclass(frozen=True)
 class LoadedRegion:
-    """A load of unit level on a part of a body; its row is the work of that load on a unit of each dof."""
+    """A distributed load of unit level on a region of a body; its row is its work for a unit of each dof."""
 
     body: str
     shape: Any  # section of the scenario: see `beamsim.scenario.distributed`
     bounds: tuple[tuple[float, float], ...] | None  # m, along x, and along y on a plate; None for the whole body
-    label: str = field(default="", compare=False)  # for people
+    label: str = field(default="", compare=False)  # text for messages
 
     @property
     def mode(self) -> int | None:
-        """Number of the body's mode that gives the shape; None for other shapes."""
+        """Number of the mode that gives the shape; None for other shapes."""
         return self.shape.mode if self.shape.kind == "mode" else None
 
     def quadrature(self, sizes: Sequence[float] | Floats, cuts: Sequence[Floats]) -> tuple[Floats, Floats]:
-        """Points (k, d) in m and weights (k,) in m or m^2 of an integral over the loaded part.
+        """Points (k, d), m, and weights (k,), m or m^2, of a quadrature over the loaded region.
 
         Parameters
         ----------
         sizes : length of the body in each direction, m.
-        cuts : in each direction positions, m, between which the integrand is smooth.
+        cuts : positions in each direction, m, between which the integrand is smooth.
         """
         bounds = self.bounds or tuple((0.0, size) for size in sizes)
         lines = []
@@ -82,18 +82,18 @@ class LoadedRegion:
     def intensity(
         self, points: Floats, sizes: Sequence[float] | Floats, mode_at: Callable[[int, Floats], Floats]
     ) -> Floats:
-        """(k,) factor of the level at points (k, d) of the loaded part, m; ``mode_at`` gives the body's mode there.
+        """(k,) factor of the level at points (k, d) of the loaded region, m.
 
         Parameters
         ----------
-        points : (k, d) of the loaded part, m.
+        points : (k, d) points of the loaded region, m.
         sizes : (d,) sides of the body, m.
-        mode_at : the deflection of a mode, by its number, at points (k, d).
+        mode_at : function that gives the deflection of a mode number at points (k, d).
 
         Returns
         -------
         (k,) array
-            Level there over that of the load.
+            Local level relative to that of the load.
         """
         if self.mode is not None:
             return mode_at(self.mode, points)
@@ -107,7 +107,7 @@ class LoadedRegion:
         if shape.kind == "table":
             return _interpolate(shape, points)
         table = np.array(shape.coefficients if shape.kind == "polynomial" else shape.values, dtype=float)
-        if shape.kind == "linear":  # values at the ends to coefficients of 1 and the share
+        if shape.kind == "linear":  # values at the ends to coefficients of 1 and the fraction
             change = np.array([[1.0, 0.0], [-1.0, 1.0]])
             table = change @ table if table.ndim == 1 else change @ table @ change.T
         if table.ndim == 1:
@@ -115,10 +115,10 @@ class LoadedRegion:
         return np.asarray(np.polynomial.polynomial.polyval2d(share[0], share[1], table))
 
     def _points(self, axis: int) -> int:
-        """Gauss points a piece that integrate the shape times a shape function exactly."""
+        """Number of Gauss points per interval that integrate the shape times a shape function exactly."""
         shape = self.shape
         if shape.kind == "sine":
-            # exact to round-off below one half wave a piece
+            # exact to round-off for less than one half wave per interval
             return 12
         degree = {"uniform": 0, "linear": 1, "table": 1, "mode": _HERMITE}.get(shape.kind)
         if degree is None:
@@ -138,49 +138,49 @@ def _interpolate(table: Any, points: Floats) -> Floats:
 Point = float | tuple[float, float]
 
 DEFLECTION, SLOPE = "z", "slope"
-"""Directions of motion at a place: the deflection, m, and its derivative along the body's axis, rad."""
+"""Directions of motion at a place: deflection, m, and its derivative along the body's axis, rad."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """A point of a body and a direction of motion there."""
+    """A point of a body, and a direction of motion there."""
 
     body: str
     point: Point  # m along a beam; [x, y] on a plate, m; number of a mass
     direction: str = DEFLECTION
-    label: str = field(default="", compare=False)  # for people
+    label: str = field(default="", compare=False)  # text for messages
 
     @property
     def coordinate(self) -> float:
-        """Where it is drawn along the body's axis, or its x on a plate."""
+        """Coordinate along the body's axis in plots, or x on a plate."""
         return self.point[0] if isinstance(self.point, tuple) else self.point
 
     @property
     def across(self) -> float | None:
-        """Its y on a plate."""
+        """y on a plate."""
         return self.point[1] if isinstance(self.point, tuple) else None
 
 
 @dataclass(frozen=True)
 class Link:
-    """Two places that something acts between; it extends when the second moves away from the first, upwards."""
+    """Two places connected by an item; the extension is positive when the second moves up relative to the first."""
 
     first: Place
     second: Place
 
     @property
     def label(self) -> str:
-        """For people."""
+        """Text for messages."""
         return f"{self.first.label} – {self.second.label}"
 
     @property
     def coordinate(self) -> float:
-        """Halfway."""
+        """Coordinate of the midpoint."""
         return 0.5 * (self.first.coordinate + self.second.coordinate)
 
     @property
     def across(self) -> float | None:
-        """The same of y, between points of plates."""
+        """y of the midpoint, between points of plates."""
         y = [place.across for place in (self.first, self.second) if place.across is not None]
         return sum(y) / 2 if len(y) == 2 else None
 
@@ -188,18 +188,18 @@ class Link:
 Site = Place | Link
 
 LoadSite = Site | LoadedRegion
-"""Where a load acts."""
+"""Place of a load."""
 
 
 def ends_of(site: LoadSite) -> tuple[Place, ...]:
-    """The place, or both places of a link; none of a distributed load."""
+    """The place, or both places of a link; empty for a distributed load."""
     if isinstance(site, LoadedRegion):
         return ()
     return (site.first, site.second) if isinstance(site, Link) else (site,)
 
 
 def signed_ends(site: Site) -> list[tuple[float, Place]]:
-    """The places of a site, each with the sign of the extension there for a unit motion of it."""
+    """The places of a site, with the sign of the extension for a unit motion of each."""
     return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
 
 
@@ -209,13 +209,13 @@ def _at_node(body: str, node: int, direction: str) -> Place:
 
 
 def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
-    """Where something of a scenario sits.
+    """Place or link of an item of a scenario.
 
     Parameters
     ----------
-    item : of the scenario; it has one place or two.
-    body : meant where a place names none.
-    sections : the bodies by name, which tell where shares of their lengths are.
+    item : item of the scenario, with one place or two.
+    body : default body of a place.
+    sections : the bodies by name, for shares of their lengths.
 
     Returns
     -------
@@ -238,18 +238,18 @@ def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
 
 
 def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite:
-    """Where a load of a scenario acts, at points or distributed.
+    """Place of a load of a scenario, at points or distributed.
 
     Parameters
     ----------
-    item : of the scenario; it has one place, two, or none where it is distributed.
-    body : meant where the load names none.
-    sections : the bodies by name, which tell where shares of their lengths are.
+    item : item of the scenario, with one place, two, or a distributed load.
+    body : default body of the load.
+    sections : the bodies by name, for shares of their lengths.
 
     Returns
     -------
     Place | Link | LoadedRegion
-        In metres; a distributed load without ends acts on the whole body.
+        In metres; a distributed load without ends covers the whole body.
     """
     if item.places:
         return site_of(item, body, sections)
@@ -264,12 +264,12 @@ def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite
 
 @dataclass(frozen=True)
 class StationAxis:
-    """What the coordinate of a body's stations is, for files and plots."""
+    """Meaning of the coordinate of a body's stations, for files and plots."""
 
     long_name: str
     unit: str
     label: str
-    continuous: bool  # drawn as a line through the stations, else as a dot at each
+    continuous: bool  # drawn as a line through the stations, else as points
 
 
 ALONG_BEAM = StationAxis("position along the beam", "m", "Position", continuous=True)
@@ -290,17 +290,17 @@ class StationPart:
 
 @dataclass(frozen=True)
 class Stations:
-    """The stations of all bodies, body after body."""
+    """The stations of all bodies, in order."""
 
     parts: tuple[StationPart, ...]  # the bodies
-    position: Floats  # (nx,) on each body's own axis
-    across: Floats | None = None  # (nx,) m, y on a plate, NaN on other bodies; None without a plate
-    points: Floats | None = None  # (nx, 3) m, of nodes of imported bodies, NaN where none is known; None without any
-    lines: Ints | None = None  # (k, 2) stations between which lines are drawn: their nodes belong to one element
+    position: Floats  # (nx,) on the axis of each body
+    across: Floats | None = None  # (nx,) m, y on a plate, NaN on other bodies; None without plates
+    points: Floats | None = None  # (nx, 3) m, of nodes of imported bodies, NaN if unknown; None without
+    lines: Ints | None = None  # (k, 2) stations to be connected by lines: nodes of the same element
 
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
-        """Those of each body; of none none."""
+        """The stations of recovered bodies."""
         ends = np.cumsum([0, *(each.position.size for each in bodies)]).tolist()
         parts = zip(bodies, ends[:-1], ends[1:], strict=True)
         known = [start + each.lines for each, start in zip(bodies, ends, strict=False) if each.lines is not None]
@@ -314,7 +314,7 @@ class Stations:
 
     @classmethod
     def of_modes(cls, modes: Dataset) -> Stations:
-        """Those of the mode shapes of a result; see `beamsim.system.structural.MODES`."""
+        """The stations of the mode shapes of a result; see `beamsim.system.structural.MODES`."""
         bodies = modes.labels("body")
         sizes = np.bincount(modes["station_body"].values, minlength=len(bodies)) if bodies else np.zeros(0, dtype=int)
         ends = np.cumsum([0, *sizes]).tolist()
@@ -326,7 +326,7 @@ class Stations:
         )  # fmt: skip
 
     def columns(self) -> dict[str, Any]:
-        """Their variables in the dataset of modes."""
+        """Variables for the dataset of modes."""
         sizes = [part.stations.stop - part.stations.start for part in self.parts]
         columns: dict[str, Any] = {
             "body": [part.body for part in self.parts],
@@ -352,7 +352,7 @@ class Stations:
         return {"position_unit": axis.unit, "position": axis.long_name}
 
     def name(self, station: int) -> str:
-        """For people: 135 mm, (135, 60) mm, mass 2, and of several bodies inner 135 mm."""
+        """Text for messages: 135 mm, (135, 60) mm, mass 2; with several bodies inner 135 mm."""
         part = next(part for part in self.parts if part.stations.start <= station < part.stations.stop)
         x, y = self.position[station], np.nan if self.across is None else self.across[station]
         if np.isfinite(y):
@@ -363,7 +363,7 @@ class Stations:
 
 
 def _join_values(values: Sequence[Floats | None], bodies: Sequence[Recovery], shape: tuple[int, ...]) -> Floats | None:
-    """The values of all bodies, NaN where one has none; None where no body has any."""
+    """The values of all bodies, NaN for bodies without; None if no body has any."""
     if all(each is None for each in values):
         return None
     nowhere = (np.full((body.position.size, *shape), np.nan) for body in bodies)
@@ -371,14 +371,14 @@ def _join_values(values: Sequence[Floats | None], bodies: Sequence[Recovery], sh
 
 
 COMPONENTS = ("x", "y", "xy")
-"""Of the moments, stresses and strains of a plate."""
+"""Components of the moments, stresses and strains of a plate."""
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """Deflection along a body, and its bending moment where it bends, for a unit of each coordinate.
+    """Deflection along a body, and its bending moment, for a unit of each coordinate.
 
-    A plate has three moments per width, Mx, My and Mxy: all stations of one, then those of the next.
+    A plate has three moments per width, Mx, My and Mxy: first all stations of Mx, then of My, then of Mxy.
     """
 
     body: str
@@ -387,21 +387,21 @@ class Recovery:
     deflection: Floats  # (nx, n) 1/sqrt(kg)
     # (moments nx, n) N m, of a plate N; E I w'', positive where the top is in compression
     bending_moment: Floats | None = None
-    stress_per_moment: Floats | None = None  # (moments nx,) extreme_fibre / I, Pa per N m; None where no fibre is known
+    stress_per_moment: Floats | None = None  # (moments nx,) extreme_fibre / I, Pa per N m; None if the fibre is unknown
     strain_per_moment: Floats | None = None  # (nx,) extreme_fibre / (E I), 1/(N m), of a beam
-    # of a plate (3, 3) strains x, y, xy of the lower surface for Mx, My, Mxy, 1/N
+    # for a plate (3, 3) strains x, y, xy of the lower surface for Mx, My, Mxy, 1/N
     strains_per_moments: Floats | None = None
-    # (moments nx,) of base_moment: per m/s^2 of base acceleration, the static share of the modes left out
+    # (moments nx,) base_moment per m/s^2 of base acceleration: static contribution of the omitted modes
     base_moment: Floats | None = None
     across: Floats | None = None  # (nx,) m, y on a plate
-    points: Floats | None = None  # (nx, 3) m, of nodes whose table has coordinates; NaN where it has none
-    lines: Ints | None = None  # (k, 2) stations whose nodes belong to one element
-    moments: int = 1  # at a station
+    points: Floats | None = None  # (nx, 3) m, of nodes with coordinates; NaN if unknown
+    lines: Ints | None = None  # (k, 2) stations whose nodes belong to the same element
+    moments: int = 1  # moments per station
     direction: str = DEFLECTION
 
     @property
     def places(self) -> list[Place]:
-        """The stations."""
+        """The stations as places."""
         if self.across is None:
             return [Place(self.body, float(x), self.direction) for x in self.position]
         return [Place(self.body, (float(x), float(y))) for x, y in zip(self.position, self.across, strict=True)]
@@ -411,13 +411,13 @@ class Recovery:
 
         Parameters
         ----------
-        x, y : m, the point; y None but on a plate.
-        component : of a plate x, y or xy.
+        x, y : m, the point; y is None except on a plate.
+        component : for a plate x, y or xy.
 
         Returns
         -------
         (moments nx,) array
-            Their products with moments sum to the one there.
+            The moment at the point is the sum of the moments times these weights.
         """
         if self.across is None or y is None:
             return np.asarray(np.arange(self.position.size) == np.abs(self.position - x).argmin(), dtype=float)
@@ -425,7 +425,7 @@ class Recovery:
         return np.concatenate([along if each == component else np.zeros(along.size) for each in COMPONENTS])
 
     def strain_weights(self, x: float, y: float | None, component: str) -> Floats:
-        """(moments nx,) strain of the lower surface at a point for each moment.
+        """(moments nx,) strain of the lower surface at a point for a unit of each moment.
 
         Parameters
         ----------
@@ -444,7 +444,7 @@ class Recovery:
 
 
 def _linear(nodes: Floats, position: float) -> Floats:
-    """(nx,) weights of nodes whose values are interpolated, in one direction of a grid."""
+    """(nx,) weights of linear interpolation between nodes, in one direction of a grid."""
     lines = np.unique(nodes)
     i = int(np.clip(np.searchsorted(lines, position), 1, lines.size - 1))
     share = float(np.clip((position - lines[i - 1]) / (lines[i] - lines[i - 1]), 0.0, 1.0))
@@ -453,9 +453,9 @@ def _linear(nodes: Floats, position: float) -> Floats:
 
 @dataclass(frozen=True)
 class StressRows:
-    """Bending stress at the extreme fibre of every body whose section is known, station by station.
+    """Bending stress at the extreme fibre of every body with a known section, station by station.
 
-    On a plate sigma_x at all stations, then sigma_y, then tau_xy.
+    On a plate first sigma_x at all stations, then sigma_y, then tau_xy.
     """
 
     stations: Stations
@@ -465,7 +465,7 @@ class StressRows:
 
 
 def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
-    """The stresses of all bodies; None where no body gives one."""
+    """The stresses of all bodies; None if no body has any."""
     rows, base, bodies = [], [], []
     for recovery in recoveries:
         if recovery.bending_moment is not None and recovery.stress_per_moment is not None:
@@ -480,7 +480,7 @@ def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
 
 
 def _station_of_each_moment(plate: Recovery) -> Recovery:
-    """The same with the stations as often as there are moments at each."""
+    """A copy in which each station is repeated for each of its moments."""
     assert plate.across is not None
     position, across = np.tile(plate.position, plate.moments), np.tile(plate.across, plate.moments)
     return replace(plate, position=position, across=across, moments=1)

@@ -1,16 +1,16 @@
-r"""A thin rectangular plate in conforming bicubic Hermite elements, and what it answers as a structure.
+r"""A thin rectangular plate in conforming bicubic Hermite elements, as a structure.
 
 The strain energy of an orthotropic Kirchhoff plate is
 
 .. math:: \tfrac12 \int D_x w_{xx}^2 + 2 D_1 w_{xx} w_{yy} + D_y w_{yy}^2 + 4 D_{xy} w_{xy}^2 \, dx\, dy
 
 (S. P. Timoshenko, S. Woinowsky-Krieger, Theory of Plates and Shells, 1959, chapter 11). It is a sum of squares at the
-points of a Gauss quadrature that is exact for the elements, which gives the factor B of K = B^T B. Stiffeners add
-such rows along their lines. Edges hold all degrees of freedom of an end of one of the two families of splines.
+points of a Gauss quadrature that is exact for the elements, which gives the factor B of K = B^T B. Stiffeners add such
+rows along their lines. An edge support fixes all degrees of freedom at the end of one of the two spline families.
 
-Moments and stresses are known at the nodes. Second derivatives of cubic splines are most accurate at the two Gauss
-points of each element (J. Barlow, 1976), where their error is two orders smaller than elsewhere. They are interpolated
-from there to the nodes, by cubic polynomials through the next four.
+Moments and stresses are computed at the nodes. Second derivatives of cubic splines are most accurate at the two Gauss
+points of each element (J. Barlow, 1976), with an error two orders smaller than elsewhere; they are extrapolated from
+there to the nodes by cubic polynomials through the nearest four.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _strains_per_moments(plate: PlateBody) -> Floats | None:
 
 
 def _motion_of_supports(structure: PlateStructure, basis: ReducedBasis) -> Floats:
-    """(size, n) what supports that move displace themselves, for a unit of each coordinate."""
+    """(size, n) contribution of moving supports to all dofs, for a unit of each coordinate."""
     field = np.zeros((structure.mesh.size, basis.size))
     if basis.size == basis.modes and any(isinstance(pattern.site, UnitMotion) for pattern in basis.patterns):
         raise ScenarioError.at(
@@ -79,7 +79,7 @@ def moment_operator(structure: PlateStructure) -> Any:
 
 
 def _second_derivatives(mesh: Mesh) -> Any:
-    """(nodes, 2 nodes) rows of the second derivative at the nodes, interpolated from the Gauss points."""
+    """(nodes, 2 nodes) rows of the second derivative at the nodes, from the values at Gauss points."""
     gauss = (mesh.nodes[:-1, None] + mesh.lengths[:, None] * (1 + np.array([-1.0, 1.0]) / np.sqrt(3)) / 2).ravel()
     count = min(4, gauss.size)
     first = np.clip(np.searchsorted(gauss, mesh.nodes) - count // 2, 0, gauss.size - count)
@@ -99,7 +99,7 @@ _FREE_BEAM = np.array([0.0, 0.0, 4.730040744862704, 7.853204624095838])  # beta 
 
 @dataclass(frozen=True)
 class PlateStructure(MeshedBody):
-    """A plate as a structure; places are metres from its left and bottom edges."""
+    """A plate as a structure; positions are in metres from its left and bottom edges."""
 
     section: PlateBody
     mesh: PlateMesh
@@ -108,7 +108,7 @@ class PlateStructure(MeshedBody):
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """Deflection, moments Mx, My, Mxy per width and stresses at the nodes.
+        """Deflection, moments Mx, My, Mxy per width, and stresses at the nodes.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class PlateStructure(MeshedBody):
             return np.asarray(operator @ (self.all_dofs_map @ (member.expansion @ vectors)))
 
         moment = moments(basis.vectors) + operator @ _motion_of_supports(self, basis)
-        moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending, except by round-off
+        moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending
         remainder = np.zeros(moment.shape[0])
         if base is not None:
             inertia = whole.base_load(base)[0]
@@ -151,15 +151,15 @@ class PlateStructure(MeshedBody):
 
     @property
     def most_modes(self) -> int:
-        """One an element: the mesh has no modes with higher numbers."""
+        """Number of elements; the mesh does not resolve higher modes."""
         return self.mesh.x.elements * self.mesh.y.elements
 
     def frequency_count(self, omega: float) -> int:
         """A bound on the number of modes below the scaled angular frequency omega.
 
-        Without twisting stiffness, and with the coupling of the curvatures taken off both of them, a free plate has
-        modes that are products of those of free beams, all of them lower. What is joined to it is a beam or a mass
-        more, and constraints, which raise frequencies.
+        Without twisting stiffness, and with the coupling of the curvatures subtracted from both, a free plate has modes
+        that are products of those of free beams, with lower frequencies. Stiffeners and masses add beams and masses;
+        constraints raise frequencies.
         """
         cx, cy, c1, _ = _energy_coefficients(self.section, self.stiffness_scale)
         share = 1 - abs(c1) / np.sqrt(cx * cy)
@@ -204,11 +204,11 @@ class PlateStructure(MeshedBody):
         return np.asarray(self.mesh.rows(point).toarray()[0])
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
-        """(all dofs,) displacement when the base moves by one unit and nothing deforms."""
+        """(all dofs,) rigid displacement for a unit motion of the base."""
         x, y, _ = motion.axis_point
         shares = {  # of the translation, and of the rotations w = x / length and w = y / width
             "rx": (-y, 0.0, self.section.width),
-            "ry": (x, -self.section.length, 0.0),  # z goes down with x
+            "ry": (x, -self.section.length, 0.0),  # z decreases with x
             "z": (1.0, 0.0, 0.0),
         }.get(motion.direction or "z")
         if shares is None:
@@ -217,12 +217,12 @@ class PlateStructure(MeshedBody):
         return np.asarray(self.mesh.rigid_motions @ np.array(shares))
 
     def unit_stiffness(self, site: Site) -> float:
-        """sqrt(Dx Dy) / (L W), N/m."""
+        """Reference stiffness sqrt(Dx Dy) / (L W), N/m."""
         rigidity = self.section.bending.rigidity
         return float(np.sqrt(rigidity.dx * rigidity.dy) / (self.section.length * self.section.width))
 
     def largest_deflection(self, field: Floats) -> float:
-        """Largest absolute deflection of a field (N,), at four points a side of every element."""
+        """Largest absolute deflection of a field (N,), at four points along each side of every element."""
         lines = [
             np.append((mesh.nodes[:-1, None] + mesh.lengths[:, None] * np.arange(4) / 4).ravel(), 1.0)
             for mesh in (self.mesh.x, self.mesh.y)
@@ -232,14 +232,15 @@ class PlateStructure(MeshedBody):
         return float(np.abs(rows @ (self.all_dofs_map @ field)).max())
 
     def reassemble(self, section: PlateBody) -> PlateStructure:
-        """The plate with other numbers on the same mesh."""
+        """A plate with other numbers on the same mesh."""
         return assemble_plate(section, self.name, mesh=self.mesh)
 
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
-        """Every edge and point that is held, and the rotation of edges about themselves.
+        """Every held edge and point, and the rotation of edges about themselves.
 
-        A corner between two held edges belongs to the first of left, right, bottom and top. Where the base does not
-        move upwards all that is held is one: a rotation moves the points of an edge apart.
+        A corner between two held edges belongs to the first of left, right, bottom and top. If the base does not move
+        upwards, all restraints form a single one: a rotation of the base moves the points of an edge by different
+        amounts.
         """
         if base != UPWARDS:
             moved = self.rigid_motion(base)
@@ -269,20 +270,19 @@ def assemble_plate(
 ) -> PlateStructure:
     """Sparse matrices of a plate on its supports.
 
-    Mesh lines are placed at point masses, point supports, stiffeners parallel to an edge and what joins the plate, at
-    ``nodes`` ([x, y] in m); ``mesh`` keeps one that is there.
+    Mesh lines run through point masses, point supports, stiffeners parallel to an edge, and ``nodes`` ([x, y] in m).
 
     Parameters
     ----------
     plate : the section of the scenario.
-    name : of the body.
-    nodes : [x, y] in m, where something joins the plate.
-    mesh : one that is there.
+    name : name of the body.
+    nodes : [x, y] in m, positions where something is joined to the plate.
+    mesh : an existing mesh; a new one by default.
 
     Returns
     -------
     PlateStructure
-        Scaled, without the dofs that supports hold.
+        Scaled, without fixed dofs.
     """
     size = np.array([plate.length, plate.width])
     mesh = _mesh(plate, nodes) if mesh is None else mesh
@@ -323,7 +323,7 @@ def assemble_plate(
 
 
 def _energy_coefficients(plate: PlateBody, stiffness_scale: float) -> tuple[float, float, float, float]:
-    """Factors of w_xx^2, w_yy^2, 2 w_xx w_yy and w_xy^2 in the scaled energy, derivatives by x / L and y / W."""
+    """Factors of w_xx^2, w_yy^2, 2 w_xx w_yy and w_xy^2 in the scaled energy; derivatives by x / L and y / W."""
     d, length, width = plate.bending.rigidity, plate.length, plate.width
     physical = (
         d.dx * width / length**3,
@@ -336,7 +336,7 @@ def _energy_coefficients(plate: PlateBody, stiffness_scale: float) -> tuple[floa
 
 
 def _mesh(plate: PlateBody, nodes: Sequence[Any]) -> PlateMesh:
-    """Mesh lines through everything that acts at a point, and along stiffeners parallel to an edge."""
+    """A mesh with lines through all points where something acts, and along stiffeners parallel to an edge."""
     points = [*plate.mass_points, *plate.supported_points]
     points += [tuple(node) for node in nodes]
     ends = [plate.line_of(beam) for beam in plate.stiffeners]
@@ -349,7 +349,7 @@ def _mesh(plate: PlateBody, nodes: Sequence[Any]) -> PlateMesh:
 
 
 def _supported_dofs(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
-    """(size,) by edge or point support the dofs that it holds; a point support is at the node next to it."""
+    """(size,) dofs that each edge or point support fixes; a point support acts on the nearest node."""
     supports = plate.supports
     along_y = 2 * mesh.y.nodes.size
     dofs = np.arange(mesh.size)
@@ -368,9 +368,9 @@ def _supported_dofs(plate: PlateBody, mesh: PlateMesh) -> dict[str, Bools]:
 
 
 def _stiffener_rows(beam: Stiffener, line: Any, mesh: PlateMesh, size: Floats) -> tuple[list[Any], Any]:
-    """Rows whose squares are twice the strain energy and the mass form of a beam along a line, in N/m and kg.
+    """Rows for the strain energy (twice the sum of squares) and the mass of a beam along a line, in N/m and kg.
 
-    The deflection is of degree 6 along a line across an element, so that 7 Gauss points integrate its square exactly.
+    The deflection along a line across an element has degree 6, so that 7 Gauss points integrate its square exactly.
     """
     start, end = np.array(line)
     length = math.dist(start, end)

@@ -1,23 +1,23 @@
-r"""Modal reduction with residual-flexibility vectors, the bound of its error, and damping in reduced coordinates.
+r"""Modal reduction with residual-flexibility vectors, its error bound, and damping in reduced coordinates.
 
-The basis has the lowest modes and, for each load pattern, the part of its static deflection that the kept modes
-do not represent. If the structure has rigid-body modes, this is the deflection of the free-flying structure in steady
-acceleration (inertia relief). Linearly dependent vectors are dropped.
+The basis consists of the lowest modes and, for each load pattern, the part of its static deflection that the kept modes
+do not represent. If there are rigid-body modes, this is the deflection of the free structure in steady acceleration
+(inertia relief). Linearly dependent vectors are dropped.
 
 A vector that is M-orthogonal to exact modes is also K-orthogonal to them. The kept modes therefore keep their
 frequencies, and only the added vectors are diagonalised among themselves.
 
-A point that moves along a body has one set of coordinates at all its positions: vectors are added where the compliance
-is least accurate, until it is accurate at all positions.
+A point that moves along a body needs coordinates that are valid at all its positions: static vectors are added where
+the compliance is least accurate, until it is accurate at all positions.
 
-Bound of the error of the reduced receptance at the places where forces act. With the kept modes taken out of the loads,
-the stiffness A (in the inner product of the mass matrix) has natural frequencies of :math:`\Omega` and more. The
-reduced solution x leaves the residual :math:`r = a - (A - \omega^2) x` of a load a. The error of the undamped
-receptance between two places is :math:`r_a^T (A - \omega^2)^{-1} r_b`, and therefore at most :math:`N_a N_b / (1 -
-\omega^2 / \Omega^2)` with :math:`N = \sqrt{r^T A^{-1} r}`; at one place it is at least :math:`N^2`. N is the norm of a
-strain, computed from a difference of static deflections and not from differences of sums.
+Error bound of the reduced receptance at the places of forces. After the kept modes are removed from the loads, the
+stiffness A (in the inner product of the mass matrix) has natural frequencies of at least :math:`\Omega`. The reduced
+solution x leaves the residual :math:`r = a - (A - \omega^2) x` of a load a. The error of the undamped receptance
+between two places is :math:`r_a^T (A - \omega^2)^{-1} r_b`, and therefore at most :math:`N_a N_b / (1 - \omega^2 /
+\Omega^2)` with :math:`N = \sqrt{r^T A^{-1} r}`; at one place it is at least :math:`N^2`. N is the norm of a strain,
+computed from a difference of static deflections and not from differences of sums.
 
-What damping adds is in docs/theory.md, section 4. Damping of the open structure is the same in every contact state.
+The effect of damping is in docs/theory.md, section 4. Damping of the open structure is the same in every contact state.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from beamsim.typing import Complexes, Floats
 
 # Modes are kept up to this multiple of the highest frequency of interest.
 FREQUENCY_MARGIN = 1.5
-_INDEPENDENT = 1e-12  # squared norm of what other deflections leave of one, over its own
+_INDEPENDENT = 1e-12  # squared norm of the independent part of a deflection, relative to that of the whole
 
 
 def static_deflections(model: Structure, loads: Floats) -> Floats:
@@ -83,9 +83,9 @@ def _reduced_substructures(
     default_reduction: bool,
     least_modes: int,
 ) -> ReducedBasis:
-    """Each part that nothing joins to the others by itself, all in order of frequency; see `reduce_model`."""
+    """Reduce each uncoupled substructure separately, and sort by frequency; see `reduce_model`."""
     counts: list[int | None] = [None] * len(model.substructures)
-    if count is not None:  # how many of the lowest modes are each part's own, at least one of each
+    if count is not None:  # number of the lowest modes that belong to each substructure, at least one
         lowest = natural_modes(model, count=count).vectors[:, :count]
         counts = [max(1, int(np.any(lowest[part.dofs] != 0, axis=0).sum())) for part in model.substructures]
     physical = None if highest_frequency is None else highest_frequency * model.frequency_scale
@@ -116,13 +116,13 @@ def reduce_model(
     least_modes: int = 0,
     mode: int = 0,
 ) -> ReducedBasis:
-    """Lowest modes plus the static vectors of the load patterns.
+    """Reduce a model to its lowest modes and the static vectors of load patterns.
 
     Parameters
     ----------
     model : the full model.
-    patterns : loads whose static deflection must be exact.
-    count : number of modes (at least the rigid-body modes are kept).
+    patterns : loads whose static deflections must be exact.
+    count : number of modes (at least the rigid-body modes).
     highest_frequency : scaled angular frequency of interest; modes up to `FREQUENCY_MARGIN` times this value
         are kept. Without `count` and `highest_frequency` all modes are kept, and no static vector is needed.
     default_reduction : True if the program chooses the number of modes. At least the ``least_modes`` lowest flexible
@@ -133,7 +133,7 @@ def reduce_model(
     Returns
     -------
     ReducedBasis
-        Of several parts that of each, and all in order of frequency.
+        For several substructures all coordinates, sorted by frequency.
     """
     if model.substructures:
         least_modes = max(least_modes, mode)
@@ -161,14 +161,14 @@ def reduce_model(
 
 
 def _own_patterns(model: Structure, part: Substructure, patterns: Sequence[LoadPattern]) -> list[LoadPattern]:
-    """What of the load patterns acts on one body, in its own scales."""
+    """The load patterns of one substructure, in its own scales."""
     acting = []
     for pattern in patterns:
         vector = pattern.vector[part.dofs]
         if isinstance(pattern.site, BaseDirection):
             acting.append(LoadPattern(part.structure.base_load(pattern.site)[0], pattern.site))
         elif np.any(vector):
-            # that of a unit motion is a stiffness, in the unit of the structure
+            # the pattern of a unit motion is a stiffness, in the unit of the structure
             of_motion = isinstance(pattern.site, UnitMotion)
             unit = model.stiffness_scale / part.structure.stiffness_scale if of_motion else 1.0
             acting.append(LoadPattern(vector * unit, pattern.site))
@@ -176,7 +176,7 @@ def _own_patterns(model: Structure, part: Substructure, patterns: Sequence[LoadP
 
 
 def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis:
-    """The bases of several bodies as one: rigid-body modes, then modes, then static vectors, by frequency."""
+    """Combine the bases of substructures: rigid-body modes, modes, static vectors, each by frequency."""
     scale = [part.structure.frequency_scale / model.frequency_scale for part in model.substructures]
     omega = np.concatenate([basis.omega * s for basis, s in zip(bases, scale, strict=True)])
     rank = np.concatenate([np.repeat([0, 1, 2], [b.rigid, b.modes - b.rigid, b.size - b.modes]) for b in bases])
@@ -215,7 +215,7 @@ def _with_static_vectors(
     if kept_count < model.size and patterns:
         transform, static = _static_vectors(model, phi, loads)
         if kept_count + static.shape[1] == model.size:
-            # the same coordinates, but the moments of a load whose vector was dropped would be those of another load
+            # same coordinates, but the moments of a load whose vector was dropped would be those of another load
             every = modes if modes.omega.size == model.size else natural_modes(model)
             return _with_static_vectors(model, every, model.size, patterns, highest_frequency)
     strain = np.asarray(model.factor @ static)
@@ -228,9 +228,9 @@ def _with_static_vectors(
 
 
 def _residual_deflections(model: Structure, modes: Floats, loads: Floats) -> Floats:
-    """(N, c) static deflections under loads (N, c) without what modes (N, k) make of them.
+    """(N, c) static deflections under loads (N, c), minus the contribution of modes (N, k).
 
-    Solved for the load that the modes do not take, so that small deflections stay accurate.
+    The load of the modes is subtracted before solving, so that small deflections stay accurate.
     """
     u = static_deflections(model, loads - model.mass @ (modes @ (modes.T @ loads)))
     for _ in range(2):
@@ -239,10 +239,10 @@ def _residual_deflections(model: Structure, modes: Floats, loads: Floats) -> Flo
 
 
 def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Floats, Floats]:
-    """What kept modes leave of the deflections under loads (N, m): coefficients (m, k) and vectors (N, k).
+    """Independent parts of the residual deflections under loads (N, m): coefficients (m, k) and vectors (N, k).
 
-    They are independent by a decomposition with pivoting: a deflection is left out if its remaining squared norm is
-    below `_INDEPENDENT` of that of the whole deflection.
+    A pivoted decomposition selects them: a deflection is dropped if its remaining squared norm is below `_INDEPENDENT`
+    of that of the whole deflection.
     """
     whole = np.sum(np.asarray(model.factor @ static_deflections(model, loads)) ** 2, axis=0)
     residual = _residual_deflections(model, phi, loads)
@@ -261,9 +261,9 @@ def _static_vectors(model: Structure, phi: Floats, loads: Floats) -> tuple[Float
     return transform * sign, static * sign
 
 
-# Relative distance that a limit is moved by where the matrix is singular at it.
+# Relative shift of a limit at which the matrix is singular.
 _COUNT_OFFSET = 1e-7
-# Where between the last kept frequency and the guess for the next one frequencies are counted, until it is the next.
+# Fractions of the way from the last kept frequency to the estimated next one, at which frequencies are counted.
 _SHARES = (0.97, 0.9, 0.7, 0.4)
 
 

@@ -68,6 +68,6 @@ def test_what_does_not_vary_or_is_not_known_has_no_shares():
 
 @pytest.mark.parametrize("sample", [latin_hypercube, sobol])
 def test_whole_numbers_and_logarithms(sample):
-    columns = sample((parameter(1, 4, whole=True), parameter(1.0, 1e4, spacing="logarithmic")), 256, 0)
+    columns = sample((parameter(1, 4, integers_only=True), parameter(1.0, 1e4, spacing="logarithmic")), 256, 0)
     assert set(columns[0]) == {1, 2, 3, 4}
     assert np.mean(np.log10(columns[1])) == pytest.approx(2.0, abs=0.02)
