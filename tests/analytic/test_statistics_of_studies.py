@@ -133,7 +133,7 @@ def test_what_is_drawn_has_the_rank_correlation_and_keeps_its_distribution(coeff
 def test_correlations_that_no_numbers_have_together():
     pairs = correlated((("a", "b"), 0.9), (("b", "c"), 0.9), (("a", "c"), -0.9))
     with pytest.raises(
-        ScenarioError, match=r"no numbers have together: 0\.9 of a and b, 0\.9 of b and c, -0\.9 of a and c"
+        ScenarioError, match=r"not possible together: 0\.9 of a and b, 0\.9 of b and c, -0\.9 of a and c"
     ):
         latin_hypercube(VARIED, 100, 1, pairs)
 

@@ -190,7 +190,7 @@ def test_shapes_of_a_universal_file(tmp_path):
         ("node,17 Hz\n1,1\n2,1\n", "line 2: applies to imported matrices"),
         ("position,17 Hz\n0.1,1\n", "has 1 place"),
         ("position,17 Hz\n0.1,0\n0.2,0\n", "no motion in the mode at 17 Hz"),
-        ("position,0 Hz\n0.1,1\n0.2,2\n", "not above zero"),
+        ("position,0 Hz\n0.1,1\n0.2,2\n", "not positive"),
     ],
 )
 def test_wrong_files_are_refused_with_their_line(tmp_path, shapes, message):
@@ -249,7 +249,7 @@ def test_nodes_of_data_set_2411_and_modes_of_every_kind_in_the_units_of_the_file
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X, values=(2, 4)), "modes of stresses, strains or forces alone"),
+        (nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X, values=(2, 4)), "only modes of stresses, strains or forces"),
         (nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X, kind=5), "has no mode shapes"),
         (shapes_55(50.0, ZERO, ZERO, X), "no coordinates of node 1; export dataset 15 or 2411"),
         ((nodes_2411(X) + shapes_55(50.0, ZERO, ZERO, X))[:-60], "ends within the data set that begins in line 14"),

@@ -82,7 +82,7 @@ def test_steady_spectrum_of_the_thesis():
     ("file", "changes", "text"),
     [
         ("sweep_up_down", {}, "kind: continuation"),
-        ("chain_two_dof", {"chain.snubbers": []}, "no one-sided spring"),
+        ("chain_two_dof", {"chain.snubbers": []}, "needs a one-sided spring"),
         ("chain_two_dof", {"chain.springs_to_ground": [{"mass": 1, "kind": "cubic", "stiffness": 1}]}, "a cubic one"),
         (
             "continuation_60_120hz", {"snubbers[0].mounted_on": "ground"}, "the base also pushes",
@@ -93,7 +93,7 @@ def test_steady_spectrum_of_the_thesis():
                 "chain.snubbers[0].law": "no_tension",
                 "chain.snubbers[0].damping": {"kind": "viscous", "coefficient": 0.1},
             },
-            "law of Kelvin and Voigt",
+            "Kelvin-Voigt snubbers",
         ),
     ],
 )  # fmt: skip

@@ -76,7 +76,7 @@ def test_a_record_with_the_other_sign_or_an_offset_is_named(shaken):
     run = moving(shaken, bounces)
     assert warned(run, bounces) == run.warnings
     (turned,) = set(warned(run, -bounces)) - set(run.warnings)
-    assert "with the other sign the correlation is 1.0000" in turned
+    assert "with opposite sign the correlation is 1.0000" in turned
     assert "give --factor -1" in turned
     (offset,) = set(warned(run, bounces + 0.5 * bounces.std())) - set(run.warnings)
     assert f"its mean differs from that of the run by {0.5 * bounces.std():+.4g} m, 50 % of the computed" in offset

@@ -234,7 +234,7 @@ def test_tracking_that_cannot_be_is_refused(swept):
         swept, datasets=swept.datasets | {"curves": swept["curves"].assign(kind=np.array(["stepped"], dtype=object))}
     )
     for result, pair, detector, tracking, words in (
-        (swept, history, None, Tracking(0.9, excitation), "does not follow the sweep"),
+        (swept, history, None, Tracking(0.9, excitation), "does not follow the computed sweep"),
         (swept, history, "peak", Tracking(0.3, cycles=3), "leave one of them out"),
         (swept, over_frequency, None, Tracking(cycles=3), "belong to time histories"),
         (stepped, history, None, None, "the sweep is stepped"),

@@ -237,8 +237,8 @@ def test_two_contacts_that_begin_at_once_move_apart():
         (1e-14, "infinite"),
         (0.0, "infinite"),
         (-1e-14, "infinite"),
-        (1e-7, "hold for smaller"),
-        (-1e-7, "hold for smaller"),
+        (1e-7, "valid for smaller"),
+        (-1e-7, "valid for smaller"),
         (1e-3, ""),
     ],
 )

@@ -1,6 +1,6 @@
 """``beamsim run``: one structure under one excitation, from its start to the end of the run.
 
-It may start from a periodic motion that a continuation has stored: from its state, in the scenario at that point.
+It may start from a periodic motion stored by a continuation, with the scenario set to that point.
 """
 
 from __future__ import annotations
@@ -68,29 +68,29 @@ from beamsim.typing import Floats, not_none, of_kind
 if TYPE_CHECKING:
     from beamsim.scenario.run import ShockSpectrumSettings
 
-MISFIT_DB = 3.0  # of a matched record, that is within the tolerance of most specifications
-SMALLEST_PULL = 1e-3  # of the largest contact force, that is worth a warning
+MISFIT_DB = 3.0  # of a matched record; within the tolerance of most specifications
+SMALLEST_PULL = 1e-3  # relative to the largest contact force; smaller pulls give no warning
 
 
 class Solution(NamedTuple):
-    """A run, and what it came from."""
+    """Result of a run, with its motion."""
 
     motion: RunMotion
-    result: RunResult  # whose scenario has what its start resolves to
+    result: RunResult  # its scenario contains the resolved start
 
 
 def motion_of(
     system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None, stop: Stop,
     needed: Needed = EVERYTHING,
 ) -> RunMotion:  # fmt: skip
-    """The motion of a built system, in closed form or by time stepping.
+    """Compute the motion of a built system, in closed form or by time stepping.
 
     Parameters
     ----------
-    system, settings : of the run.
-    times : (nt,) s, at which it is asked for.
-    progress, stop : as of `solve_run`.
-    needed : which extremes are searched for; time stepping finds all.
+    system, settings : system and settings of the run.
+    times : (nt,) output times, s.
+    progress, stop : see `solve_run`.
+    needed : needed parts, which decide about the searched extremes; time stepping finds all.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def motion_of(
     Raises
     ------
     ScenarioError
-        If it needs more memory or steps than there may be.
+        If limits of memory or steps are exceeded.
     """
     if steps_in_time(system, settings):
         return stepped_motion_of(system, settings, times, progress, stop)
@@ -112,29 +112,28 @@ def solve_run(
 ) -> Solution:  # fmt: skip
     """Simulate the scenario.
 
-    How the run is judged does not depend on what is asked of it: outcome, warnings, margins and every value are those
-    of the whole result.
+    Outcome, warnings, margins and values do not depend on the requested entries.
 
     Parameters
     ----------
-    scenario : with a ``run`` section.
-    progress : called from time to time with the fraction of the duration that is done.
-    stop : asked between blocks of events whether to end, and then before everything that is derived from the motion:
-        spectra, statistics and fatigue. The result holds the motion up to there with its peaks, energies and
-        histories, and names what is left out.
-    shared : keeps what the system is built from.
-    entries : of the summary that are needed; by default everything, with histories, spectra and shapes, which are
-        else empty.
+    scenario : scenario with a ``run`` section.
+    progress : called repeatedly with the completed fraction of the duration.
+    stop : polled between blocks of events, and before each later step (spectra, statistics, fatigue). After an
+    interruption the result contains the motion so far with its peaks, energies and histories, and names what is
+    missing.
+    shared : cache of built systems.
+    entries : needed summary entries; by default everything, with histories, spectra and shapes, which are otherwise
+    empty.
 
     Returns
     -------
     Solution
-        The result, with the motion that it came from.
+        Result and its motion.
 
     Raises
     ------
     ScenarioError
-        Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
+        If the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
     begin = clock.perf_counter()
     scenario, system = _build(scenario, shared)
@@ -181,7 +180,7 @@ def solve_run(
 
 
 def _build(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
-    """A scenario with what its start resolves to, and its system; see `solve_run`."""
+    """Resolve the start of a scenario and build its system; see `solve_run`."""
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
     if isinstance(scenario.run.start, OrbitStart):
@@ -190,7 +189,7 @@ def _build(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, Structur
 
 
 def _warnings(motion: RunMotion) -> list[str]:
-    """Warnings about a scenario, its system and the motion."""
+    """Warnings about the scenario, its system and the motion."""
     system, scenario = motion.system, motion.system.scenario
     probes, peaks = [probe.name for probe in system.probes], largest(motion.extremes.get(DISPLACEMENT, NO_EXTREMES))
     snubbers = [snubber.name for snubber in system.snubbers]
@@ -207,7 +206,7 @@ def _warnings(motion: RunMotion) -> list[str]:
 
 
 def pull_warnings(motion: RunMotion) -> list[str]:
-    """A warning, one sentence, for each snubber whose dashpot pulls before the contact opens; there are snubbers."""
+    """Warn about each snubber whose dashpot pulls before the contact opens."""
     forces = motion.extremes[FORCE]
     pulls = largest_pulls(forces)
     return [
@@ -221,15 +220,15 @@ def pull_warnings(motion: RunMotion) -> list[str]:
 def _asked_for(
     result: RunResult, motion: RunMotion, values: Mapping[str, Any], needed: Needed, evaluation: Evaluation
 ) -> tuple[dict[str, Any], list[str]]:
-    """The fields of a result that its scenario asks for beyond the motion itself, and notes on them.
+    """Compute the requested results beyond the motion itself, and notes on them.
 
     Parameters
     ----------
-    result : of the motion.
-    motion : it came from.
+    result : result of the motion.
+    motion : motion of the run.
     values : values of the motion, by entry of the summary.
-    needed : of it; what a note may follow from is computed in any case.
-    evaluation : what is computed from the motion.
+    needed : needed parts; the basis of notes is always computed.
+    evaluation : evaluation of the motion.
     """
     scenario, system, settings = result.scenario, motion.system, not_none(result.scenario.run)
     fields: dict[str, Any] = {}
@@ -260,7 +259,7 @@ def _random(
     evaluation: Evaluation,
     datasets: dict[str, Dataset],
 ) -> dict[str, Any]:
-    """Add the statistics of the response to a random input to the datasets; the outcome with them."""
+    """Add the statistics of the response to a random input to the datasets; returns the updated outcome."""
     from beamsim.analyses.run.random_response import largest_known, random_response
 
     random = evaluation.compute("densities and statistics", lambda: random_response(result, motion, values), None)
@@ -277,7 +276,7 @@ def _fatigue(
     evaluation: Evaluation,
     datasets: dict[str, Dataset],
 ) -> list[str]:
-    """Add the damage of stress to the datasets; warnings of it."""
+    """Add the fatigue damage to the datasets; returns warnings."""
     end, extremes = motion.marched.end, motion.extremes[STRESS]
     compute = partial(fatigue_of, motion.system, stresses, end, extremes)
     damage = evaluation.compute("the damage of stress", compute, None)
@@ -291,7 +290,7 @@ def _shock_response(
     motion: RunMotion, settings: ShockSpectrumSettings, needed: Needed, evaluation: Evaluation,
     datasets: dict[str, Dataset],
 ) -> list[str]:  # fmt: skip
-    """Add shock response spectra to the datasets where they are needed; notes on samples that are too coarse."""
+    """Add shock response spectra to the datasets if they are needed; returns notes on coarse samples."""
     if needed.has("srs_over_limit"):
         compute = partial(shock_response, motion.system, motion.known)
         srs = evaluation.compute("shock response spectra", compute, None)
@@ -300,7 +299,7 @@ def _shock_response(
 
 
 def _sensitivities(motion: RunMotion, evaluation: Evaluation, datasets: dict[str, Dataset]) -> list[str]:
-    """Add the sensitivities to the datasets; notes on them."""
+    """Add the sensitivities to the datasets; returns notes."""
     from beamsim.analyses.run.sensitivities import sensitivities_of
 
     unknown: tuple[Dataset | None, list[str]] = None, []
@@ -311,7 +310,7 @@ def _sensitivities(motion: RunMotion, evaluation: Evaluation, datasets: dict[str
 
 
 def _misfit(matched: Dataset) -> list[str]:
-    """A note where a record made for a shock response spectrum is far from it."""
+    """Note if a matched record deviates much from its shock response spectrum."""
     worst = float(np.abs(matched["misfit_db"]).max())
     if worst <= MISFIT_DB:
         return []
@@ -322,7 +321,7 @@ def _misfit(matched: Dataset) -> list[str]:
 
 
 def _coarse_samples(motion: RunMotion, settings: ShockSpectrumSettings) -> list[str]:
-    """A note where output times of a time-stepped motion are too far apart for shock response spectra."""
+    """Note if the output times of a time-stepped motion are too coarse for shock response spectra."""
     if motion.trajectory is not None:
         return []
     time = not_none(motion.histories).time
@@ -336,7 +335,7 @@ def _coarse_samples(motion: RunMotion, settings: ShockSpectrumSettings) -> list[
 
 
 def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSettings) -> list[str]:
-    """A note for each measured input whose sampling rate does not resolve the oscillators of shock response spectra."""
+    """Notes on measured inputs whose sample rate is too low for the oscillators of shock response spectra."""
     return [
         f"{each.path}: oscillators of run.srs from {each.sample_rate_hz / SAMPLES_OF_OSCILLATOR:.4g} to "
         f"{settings.to:g} Hz lie above a tenth of the record's sampling rate, {each.sample_rate_hz:.5g} Hz, and follow "
@@ -347,7 +346,7 @@ def _coarse_records(inputs: Sequence[InputStatement], settings: ShockSpectrumSet
 
 
 def _without_limit(motion: RunMotion, values: Mapping[str, Any]) -> list[WithoutLimit]:
-    """The accelerations that have no limit as the number of modes grows, from values of the motion."""
+    """Accelerations that diverge as the number of modes grows, from values of the motion."""
     system, filtered = motion.system, not_none(motion.system.scenario.run).low_pass is not None
     of_probes = {} if filtered else values["peak_acceleration_g"]
     peaks = {("probes", name): peak * STANDARD_GRAVITY for name, peak in of_probes.items()}
@@ -355,32 +354,32 @@ def _without_limit(motion: RunMotion, values: Mapping[str, Any]) -> list[Without
     return [*without_limit(system, motion.jumps, peaks)]
 
 
-SAME_MODES = 1e-9  # relative difference of frequencies and shapes of one model, made twice
+SAME_MODES = 1e-9  # relative difference of frequencies and shapes of the same model, built twice
 _ORBIT = "run.start.orbit"
 
 
 @dataclass(frozen=True)
 class StoredOrbit:
-    """One point of a branch or of a curve of folds in a result file."""
+    """Point of a branch or of a fold curve in a result file."""
 
-    parameter: str  # frequency, level, gap or stiffness; of a curve of folds the second parameter
+    parameter: str  # frequency, level, gap or stiffness; for a fold curve the second parameter
     snubber: str
-    value: float  # of the parameter, SI
+    value: float  # value of the parameter, SI
     frequency_hz: float
     level: float
-    state: Floats  # (N,) coordinates, their velocities, internal states of the contacts; in the file's modes
+    state: Floats  # (N,) coordinates, velocities, and internal states of the contacts, in the file's modes
     open_frequencies_hz: Floats  # (n,)
     shapes: Floats  # (n, nx) of the open modes at the stations
     kept_modes: int
 
 
 def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
-    """The point of the file that a start names.
+    """Read the point of a file that a start names.
 
     Raises
     ------
     ScenarioError
-        If there is none, or the file is none of a continuation.
+        If there is no such point, or the file has no continuation.
     """
     path = (folder or Path()) / start.orbit
     try:
@@ -429,12 +428,12 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
 
 
 def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = False) -> Scenario:
-    """The scenario with the excitation of the point and what was followed, unless kept, and as many modes.
+    """Scenario with the excitation and parameter of the point (unless kept), and the same number of modes.
 
     Raises
     ------
     ScenarioError
-        If the scenario has no harmonic excitation or lacks what was followed.
+        If the scenario has no harmonic excitation or lacks the continued parameter.
     """
     excitation = scenario.excitation
     if not isinstance(excitation, Harmonic):
@@ -458,12 +457,12 @@ def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool =
 
 
 def built_at_orbit(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
-    """The scenario at the point that its run starts from, and its system with the state there.
+    """Scenario at the point from which its run starts, and its system with that state.
 
     Raises
     ------
     ScenarioError
-        If there is no such point, or the scenario is another model than that of the file.
+        If there is no such point, or the scenario has another model than the file.
     """
     settings = not_none(scenario.run)
     start = of_kind(OrbitStart, settings.start)
@@ -474,12 +473,12 @@ def built_at_orbit(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, 
 
 
 def _start_from_orbit(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:
-    """The system with the state of the point times a factor; modes may have the other sign.
+    """System with the state of the point times a factor; signs of modes may differ.
 
     Raises
     ------
     ScenarioError
-        If it is another model than that of the file.
+        If the system has another model than the file.
     """
     n, frequencies, shapes = system.dynamics.size, system.open_frequencies_hz, system.deflection.T
     alike = frequencies.shape == orbit.open_frequencies_hz.shape and shapes.shape == orbit.shapes.shape

@@ -1,6 +1,6 @@
-"""A few periods of a run around its largest contact force, for animations.
+"""Animation of a few periods of a run around its largest contact force.
 
-The motion is computed again from the scenario up to the last instant shown, which gives the same motion.
+The motion is computed again from the scenario, up to the last frame; the result is the same.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from beamsim.typing import Bools, Floats, not_none, of_kind
 
 
 def frames_of_run(result: RunResult, progress: Progress = None, model: StructuralSystem | None = None) -> Frames:
-    """A few periods around the largest contact force of a run; of a run without contact its last ones.
+    """Frames of a few periods around the largest contact force of a run; of its last periods if there is no contact.
 
     Parameters
     ----------
-    result : of the run.
-    progress : called with the share of the motion that is done.
-    model : the system of the result's scenario, where it was built already.
+    result : result of the run.
+    progress : called with the completed fraction of the motion.
+    model : system of the result's scenario, if it is already built.
 
     Returns
     -------
     Frames
-        Up to where the motion ends.
+        Frames up to the end of the motion.
 
     Raises
     ------
     ScenarioError
-        If the model cannot be built again, or its input has too many pieces.
+        If the model can no longer be built, or its input has too many pieces.
     """
     settings, system = not_none(result.scenario.run), model
     if isinstance(settings.start, OrbitStart):
@@ -52,7 +52,7 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     motion = motion_of(system, settings.model_copy(update=until), times, progress, never, asked)
     known, states, between = not_none(motion.histories), motion.states, None
     times, slow = known.time, slow[: known.time.size]
-    if states is None:  # of a time-stepped motion they are known at the frames alone
+    if states is None:  # a time-stepped motion has states only at the frames
         q = of_kind(ReferenceTrajectory, motion.marched).y[:, : system.dynamics.size]
     else:
         q, between = (states[first : 2 * times.size - 1 : 2, : system.dynamics.size] for first in (0, 1))
@@ -62,7 +62,7 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
 
 
 def instants(result: RunResult) -> tuple[Floats, Bools]:
-    """Instants (nf,) of the frames and whether they are slow; see `frames_of_run`."""
+    """Instants (nf,) of the frames, and True for those in slow motion; see `frames_of_run`."""
     time = result["histories"]["time"].values
     begin, end = float(time[0]), float(time[-1])
     frequencies = [result.scenario.excitation.tone_hz, *result["modes"]["open_frequencies_hz"].values]
@@ -70,14 +70,14 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     peaks = [(float(force.max(initial=0.0)), float(time[force.argmax()])) for force in _forces(result) if force.size]
     force, at = max(peaks, default=(0.0, end))
     centre = at if force > 0.0 else end
-    length = min(CYCLES_SHOWN * period, end - begin)  # of the excitation or of the first mode
+    length = min(CYCLES_SHOWN * period, end - begin)  # period of the excitation or of the first mode
     first = min(max(centre - length / 2, begin), end - length)
     at_events, snubber, closing = (result["events"][name].values for name in ("time", "snubber", "closing"))
     intervals = []
     for number in range(len(result["histories"].labels("snubber"))):
         mine = snubber == number
         intervals += list(_contacts(at_events[mine], closing[mine], begin, end))
-    # a contact that lasts is no instant to be shown slowly: only its ends are
+    # for a long contact, only its beginning and end are shown in slow motion
     shown = [
         each
         for start, stop in intervals
@@ -86,7 +86,7 @@ def instants(result: RunResult) -> tuple[Floats, Bools]:
     ]
     times, slow = frame_times(first, first + length, shown, MARGIN * period)
     if force > 0.0:
-        times[np.abs(times - at).argmin()] = at  # the peak itself is among them
+        times[np.abs(times - at).argmin()] = at  # include the instant of the peak
     return times, slow
 
 

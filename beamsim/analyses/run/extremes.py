@@ -1,7 +1,7 @@
-"""The extremes of channels along the motion of a run that compete for its values, and their derivatives.
+"""Extremes of channels along the motion of a run that compete for its values, and their derivatives.
 
-A value is the largest (or smallest) of all extremes of one or several channels. The one that decides is certified; the
-others are the turning points of the channels, with the ends of the record.
+A value is the largest (or smallest) of all extremes of one or several channels. The deciding extreme is certified; the
+others are the turning points of the channels and the ends of the record.
 """
 
 from __future__ import annotations
@@ -21,57 +21,57 @@ from beamsim.results.values import OPENING, Value
 from beamsim.system.equations import Channel, ChannelSet
 from beamsim.typing import Bools, Floats, Ints, not_none
 
-AT_END = 1e-9  # of a segment: what is nearer to its end is there
-ROUND_OFF = 1e-12  # of a peak
-STILL = 1e-9  # of its size, within which a channel is constant
-SAME = 1e-11  # of the largest value of a channel, within which two neighbouring values are one
+AT_END = 1e-9  # of a segment: closer instants count as its end
+ROUND_OFF = 1e-12  # relative to a peak
+STILL = 1e-9  # relative variation up to which a channel is constant
+SAME = 1e-11  # relative to the largest value of a channel; closer neighbouring values are the same
 MISSED = 2
-MISSES = 8  # of each snubber, the nearest ones, that are looked at
-MOST_ROWS = 8  # of a channel with many places, those with the largest extremes
-MOST_RIVALS = 500  # extremes that compete for a value, the largest ones
+MISSES = 8  # closest misses of each snubber that are considered
+MOST_ROWS = 8  # extremes of a channel with many places: the largest ones are kept
+MOST_RIVALS = 500  # largest number of extremes that compete for a value
 
 
 class Variation(NamedTuple):
-    """Effect of a change of one number of the scenario: see `sensitivities_of`."""
+    """Effect of a change of one number of the scenario; see `sensitivities_of`."""
 
     rates: Differences
-    rows: dict[FlowOutputs, Floats]  # of the channels, of the systems on both sides
-    start: Floats  # (N,) change of the state at the start
+    rows: dict[FlowOutputs, Floats]  # rows of the channels for the systems on both sides
+    start: Floats  # (N,) change of the initial state
 
 
 class Peak(NamedTuple):
-    """An extreme of a channel, and when it is reached."""
+    """Extreme of a channel, and its time."""
 
-    row: int  # of the channel
-    high: int  # 1 the highest, 0 the lowest; `MISSED` what does not touch
+    row: int  # row of the channel
+    high: int  # 1 highest, 0 lowest; `MISSED` for a contact that does not close
     segment: int
     time: float  # s
-    later: int  # 0 where the segment ends, 1 where it begins or between
+    later: int  # 0 if the segment ends there, else 1
 
 
 class Turns(NamedTuple):
-    """The local extremes of a channel and the ends of the record, as peaks with their values."""
+    """Local extremes of a channel and the ends of the record, with their values."""
 
     peaks: list[Peak]
     value: Floats  # (n,)
-    high: Bools  # (n,) which are local maxima
-    low: Bools  # (n,) local minima
-    end: Bools  # (n,) an end of the record
+    high: Bools  # (n,) True for local maxima
+    low: Bools  # (n,) True for local minima
+    end: Bools  # (n,) True for an end of the record
 
 
 class Contest(NamedTuple):
-    """A value, and the extremes that compete for it, of which the first decides."""
+    """Value with the extremes that compete for it; the first one decides."""
 
-    name: str  # as studies name it
+    name: str  # as in studies
     unit: str
-    sign: float  # 1 where the largest decides, -1 where the smallest does
+    sign: float  # 1 if the largest decides, -1 if the smallest does
     scale: float  # largest magnitude of the channels
-    values: Floats  # (k,) what the value is where an extreme decides
+    values: Floats  # (k,) value if an extreme decides
     peaks: list[Peak]
-    factors: Floats  # (k,) its derivatives by the extremes
+    factors: Floats  # (k,) derivatives by the extremes
 
     def contenders(self, slope_of: Mapping[Peak, Floats]) -> Contenders:
-        """The extremes with the derivatives of the value by numbers, from those (P,) of the extremes."""
+        """Derivatives of the value by numbers, from those (P,) of the extremes."""
         slopes = np.array([slope_of[peak] for peak in self.peaks])
         times = np.array([peak.time for peak in self.peaks])
         return Contenders(
@@ -80,24 +80,24 @@ class Contest(NamedTuple):
 
 
 class Contenders(NamedTuple):
-    """A value and its derivatives by P numbers for each of k extremes that may decide it; the first one does."""
+    """Value and its derivatives by P numbers for each of k extremes that may decide it; the first one does."""
 
-    name: str  # as studies name it
+    name: str  # as in studies
     unit: str
-    sign: float  # 1 where the largest decides, -1 where the smallest does
+    sign: float  # 1 if the largest decides, -1 if the smallest does
     scale: float  # largest magnitude of the channels
     values: Floats  # (k,)
     times: Floats  # (k,) s
     slopes: Floats  # (k, P)
 
     def competition(self, p: int, tolerance: float) -> Competition:
-        """How the value changes with a number within its tolerance."""
+        """Change of the value with a number within its tolerance."""
         sign = self.sign
         return compete(sign * self.values, sign * self.slopes[:, p], tolerance, self.scale).times(sign)
 
 
 class LocalExtremes:
-    """The extremes of linear channels along the motion of a run."""
+    """Extremes of linear channels along the motion of a run."""
 
     def __init__(self, motion: Trajectory, channels: ChannelSet) -> None:
         self.motion, self.channels, self.outputs = motion, channels, FlowOutputs(motion.flow)
@@ -107,7 +107,7 @@ class LocalExtremes:
         self._known = dict[int, Turns]()
 
     def contests(self, chosen: Iterable[Value], limited: Container[Value]) -> list[Contest]:
-        """The values of channels, and the largest of all places of those that a limit takes there."""
+        """Values of channels, and the largest over all places for limited values."""
         found = list[Contest]()
         for value in chosen:
             at = [(channel, first) for channel, first in self.channels.first_columns if value.is_extreme_of(channel)]
@@ -118,7 +118,7 @@ class LocalExtremes:
         return found
 
     def _contest(self, name: str, value: Value, columns: Sequence[tuple[Channel, int]]) -> Contest:
-        """The extremes of some channels, each with its first row, that compete for a value."""
+        """Extremes of some channels, each with its first row, that compete for a value."""
         sign = float(np.sign(not_none(value.of)(np.array([[-1.0], [0.0], [2.0], [0.0]]))[0]))
         best, scale, first = -np.inf, 0.0, (Peak(0, 1, 0, 0.0, 1), 0.0)
         peaks, values, factors = list[Peak](), list[Floats](), list[Floats]()
@@ -128,7 +128,7 @@ class LocalExtremes:
             if numbers.max() > best:
                 k, best = int(numbers.argmax()), float(numbers.max())
                 of, slope = _alone(value, channel, extreme[::2, k])
-                high = int(sign * of[1] >= sign * of[0])  # of two that are as large the highest counts
+                high = int(sign * of[1] >= sign * of[0])  # of equal magnitudes the highest counts
                 first = self.peak(row + k, high), float(slope[high]) if best else 0.0
             for k in _largest_rows(numbers):
                 turns = self._turns(row + k)
@@ -144,13 +144,13 @@ class LocalExtremes:
         )  # fmt: skip
 
     def _turns(self, row: int) -> Turns:
-        """The local extremes of a channel, each searched once."""
+        """Local extremes of a channel; each channel is searched once."""
         if row not in self._known:
             self._known[row] = self._find_turns(row)
         return self._known[row]
 
     def _find_turns(self, row: int) -> Turns:
-        """The local extremes of a channel."""
+        """Find the local extremes of a channel."""
         motion = self.motion
 
         def output(phases: Ints) -> Floats:
@@ -158,7 +158,7 @@ class LocalExtremes:
 
         segment, time, value = motion.turning_points(output, np.flatnonzero(motion.length > 0.0))
         near = SAME * float(np.abs(self.extremes[::2, row]).max(initial=0.0))
-        here = np.flatnonzero(np.append(True, np.abs(np.diff(value)) > near))  # both sides of an event are one
+        here = np.flatnonzero(np.append(True, np.abs(np.diff(value)) > near))  # both sides of an event are one extreme
         here[-1] = value.size - 1 if here.size > 1 else 0
         value = value[here]
         before, after = np.append(np.nan, value[:-1]), np.append(value[1:], np.nan)
@@ -173,7 +173,7 @@ class LocalExtremes:
         return Turns(peaks, value, high, low, end)
 
     def constant_channel_warnings(self, contests: Iterable[Contest]) -> list[str]:
-        """A warning of values whose channel is constant, so that any number may make them larger, either way."""
+        """Warnings about values whose channel is constant, so that any change of a number may raise them."""
         low, _, high, _ = self.extremes
         flat = high - low <= STILL * np.maximum(np.abs(low), np.abs(high))
         names = [of.name for of in contests if of.values[0] and of.factors[0] and flat[of.peaks[0].row]]
@@ -183,7 +183,7 @@ class LocalExtremes:
         return [f"run.sensitivities: {name} {message}" for name in names]
 
     def output(self, row: int, segment: int, time: float) -> Floats:
-        """(3,) a channel on a segment, its rate and the rate of that."""
+        """(3,) channel on a segment, with its first and second time derivative."""
         motion, flow, values = self.motion, self.motion.flow, np.empty(3)
         phases, part = flow.states[motion.state[segment]].phases, motion.select(slice(segment, segment + 1))
         factors, rates = self.outputs.outputs(self.output_of, phases)[row], self.outputs.rates(phases)
@@ -194,12 +194,12 @@ class LocalExtremes:
         return values
 
     def distance(self, miss: Peak) -> float:
-        """Distance of an open contact, m, at its nearest; the round-off of it where the contact just touches."""
+        """Closest distance of an open contact, m; its round-off if the contact just touches."""
         opening = self.output(miss.row, miss.segment, miss.time)[0]
         return float(max(abs(opening), ROUND_OFF * np.abs(self.extremes[::2, miss.row]).max()))
 
     def peak(self, row: int, high: int) -> Peak:
-        """An extreme of a channel; between the ends of a segment its rate is zero there to round-off."""
+        """Extreme of a channel; inside a segment its rate is zero up to round-off."""
         motion, time, sign = self.motion, float(self.when[high][row]), 2 * high - 1
         ends, near = motion.time + motion.length, 1e-12 * motion.end
         here = np.flatnonzero((motion.time <= time + near) & (ends >= time - near) & (motion.length > 0.0)).tolist()
@@ -220,7 +220,7 @@ class LocalExtremes:
         return Peak(row, high, segment, begin if later else end, later)
 
     def misses(self) -> list[Peak]:
-        """The nearest ones of the moments when an open snubber is closest to the structure and does not touch."""
+        """Closest approaches of open snubbers to the structure without contact."""
         motion, found = self.motion, list[Peak]()
         touching = motion.flow.system.contacts.closed(motion.phases)
         for j, row in enumerate(self.channels.places.get(OPENING, ())):
@@ -229,7 +229,7 @@ class LocalExtremes:
                 return self.output_of(phases)[row : row + 1]
 
             segment, time, value = motion.turning_points(opening, np.flatnonzero(~touching[:, j]))
-            least = -ROUND_OFF * float(np.abs(value).max(initial=0.0))  # what just touches may be beyond by that
+            least = -ROUND_OFF * float(np.abs(value).max(initial=0.0))  # round-off of a contact that just touches
             inner = 1 + np.flatnonzero((value[1:-1] < value[:-2]) & (value[1:-1] < value[2:]) & (value[1:-1] > least))
             inner = inner[(segment[inner - 1] == segment[inner]) & (segment[inner + 1] == segment[inner])]
             nearest = inner[np.argsort(value[inner])[:MISSES]]
@@ -237,7 +237,7 @@ class LocalExtremes:
         return found
 
     def ends(self) -> list[Peak]:
-        """The beginning and the end of the record, where changes of contacts may enter it."""
+        """Beginning and end of the record, where changes of contacts may enter it."""
         motion = self.motion
         first, last = np.flatnonzero(motion.length > 0.0)[[0, -1]].tolist()
         end = float(motion.time[last] + motion.length[last])
@@ -246,18 +246,18 @@ class LocalExtremes:
     def entering(
         self, ends: Sequence[Peak], kept: Sequence[int], varied: Sequence[Variation], found: MotionDerivative
     ) -> Iterator[tuple[float, float, Floats]]:
-        """Changes of contacts that are before the beginning of the record, or after its end.
+        """Changes of contacts just before the beginning or after the end of the record.
 
         Parameters
         ----------
-        ends : of the record.
-        kept : which of the instants that are kept these are.
-        varied : (P,) what changes.
+        ends : beginning and end of the record.
+        kept : their numbers among the stored instants.
+        varied : (P,) changes of numbers.
         found : derivatives of the motion.
 
         Yields
         ------
-        Time, s; the function that is zero at the event, and its derivatives (P,). At the end it comes towards zero.
+        Time, s; event function, and its derivatives (P,). At the end of the record it decreases towards zero.
         """
         motion, flow, of = self.motion, self.motion.flow, found.stored
         for peak, k in zip(ends, kept, strict=True):
@@ -272,7 +272,7 @@ class LocalExtremes:
                 yield peak.time, float(value[g]), row[:n] @ of.S[k] + of.instant.input_change[k] @ row[n:] + changed
 
     def cut(self, peaks: Sequence[Peak]) -> tuple[Log, list[tuple[int, int]]]:
-        """The motion with a segment that begins at each peak, and where the peaks are for `sensitivity`."""
+        """Motion with a segment that begins at each peak, and the positions of the peaks for `sensitivity`."""
         motion = self.motion
         inner = sorted({p[2:4] for p in peaks if motion.time[p.segment] < p.time and p.later})
         segments, times = (np.array([each[k] for each in inner]) for k in (0, 1))
@@ -300,8 +300,8 @@ class LocalExtremes:
 
         Parameters
         ----------
-        peaks : (M,) the extremes, in the order of the instants that are kept.
-        varied : (P,) what changes.
+        peaks : (M,) extremes, in the order of the stored instants.
+        varied : (P,) changes of numbers.
         found : derivatives of the motion.
         """
         flow, kept, slopes = self.motion.flow, found.stored, np.empty((len(peaks), len(varied)))
@@ -324,12 +324,12 @@ class LocalExtremes:
 
 
 def _alone(value: Value, channel: Channel, extreme: Floats) -> tuple[Floats, Floats]:
-    """What a value is where a channel has one extreme alone, and its derivatives by that: 1, -1 or 0.
+    """Value of a channel with a single extreme, and its derivative by that extreme: 1, -1 or 0.
 
     Parameters
     ----------
-    value, channel : of the extremes.
-    extreme : (n,)
+    value, channel : value, and channel of the extremes.
+    extreme : (n,) extremes.
     """
 
     def of(number: Floats) -> Floats:

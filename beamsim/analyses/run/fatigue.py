@@ -1,4 +1,4 @@
-r"""Stresses that are followed in the bodies: the largest of plates, and fatigue.
+r"""Stress histories of bodies: the largest von Mises stress of plates, and fatigue.
 
 Fatigue is the damage of the bending stress at every station. The ranges of a count add up to half the total
 variation V of the stress, and none exceeds the difference R of its extremes. With an S-N line of exponent
@@ -28,18 +28,18 @@ from beamsim.structures.places import COMPONENTS
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
-SAMPLES_OF_STRESS = 2000  # of a run, at least, of which the largest von Mises stress is taken
-COUNTED_AT_ONCE = 8  # stations, after the one whose bound is largest
-SAME_DAMAGE = 1e-9  # relative; of stations with the same damage the first one is reported
+SAMPLES_OF_STRESS = 2000  # samples of a run, at least, for the largest von Mises stress
+COUNTED_AT_ONCE = 8  # stations counted together, after the one with the largest bound
+SAME_DAMAGE = 1e-9  # relative; of stations with equal damage the first one is reported
 
 
 class PlateStress(ChunkObserver):
-    """The largest von Mises stress at the surface of every plate, of some samples.
+    """Largest von Mises stress at the surface of every plate, from samples.
 
     Parameters
     ----------
-    system : with its plates.
-    times : (nt,) s, all output times.
+    system : system with its plates.
+    times : (nt,) output times, s.
     stop : see `ChunkObserver`.
     """
 
@@ -74,25 +74,25 @@ class PlateStress(ChunkObserver):
         self._found = last
 
     def result(self) -> dict[str, Floats]:
-        """(nx,) Pa, at the stations of every plate by its name.
+        """(nx,) stress at the stations of every plate, Pa, by its name.
 
         Raises
         ------
         Interrupted
-            If a part of the motion is not evaluated.
+            If a part of the motion was not evaluated.
         """
         self.finish()
         return {name: np.sqrt(square) for name, square in self._squares.items()}
 
 
 class StressObserver(ChunkObserver):
-    """What the fatigue of bodies is counted from: the variation of the stresses, and between what they rise and fall.
+    """Input of the fatigue analysis: variation and turning points of the stresses.
 
-    Of the latest chunk turning points are found when they are asked for, since few stations have to be counted.
+    Turning points of the latest chunk are found on request, since few stations have to be counted.
 
     Parameters
     ----------
-    system : with stresses.
+    system : system with stresses.
     stop : see `ChunkObserver`.
     """
 
@@ -108,16 +108,16 @@ class StressObserver(ChunkObserver):
             turns.append(self._turns_of(chunk, station))
 
     def variation(self) -> Floats:
-        """(nx,) Pa, bounds on the total variation at all stations."""
+        """(nx,) upper bounds of the total variation at all stations, Pa."""
         return self._variation if self._latest is None else self._variation + self._variation_of(self._latest)
 
     def turns(self, station: int) -> Floats:
-        """Values between which the stress at a station rises and falls, Pa."""
+        """Successive turning points of the stress at a station, Pa."""
         latest = [] if self._latest is None else [self._turns_of(self._latest, station)]
         return np.concatenate([*self._turns[station], *latest])
 
     def check_complete(self) -> None:
-        """Raise `Interrupted` if a part of the motion is not evaluated."""
+        """Raise `Interrupted` if a part of the motion was not evaluated."""
         if self._interrupted:
             raise Interrupted
 
@@ -130,24 +130,24 @@ class StressObserver(ChunkObserver):
 
 
 def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, extremes: Extreme) -> Dataset:
-    """Fatigue of each body at its station with the largest damage; of a plate also over the components of the stress.
+    """Fatigue of each body at its station with the largest damage; for a plate also over the stress components.
 
     Parameters
     ----------
-    system : with stresses.
-    stresses : of the motion.
-    end : of the motion, s.
-    extremes : (4, nx) of the stress at every station, Pa.
+    system : system with stresses.
+    stresses : observer of the motion.
+    end : end of the motion, s.
+    extremes : (4, nx) extremes of the stress at every station, Pa.
 
     Returns
     -------
     Dataset
-        Of the layout `FATIGUE`.
+        Layout `FATIGUE`.
 
     Raises
     ------
     Interrupted
-        If a part of the motion is not evaluated.
+        If a part of the motion was not evaluated.
     """
     stresses.check_complete()
     settings = not_none(not_none(system.scenario.run).fatigue)
@@ -183,25 +183,25 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
 
 
 def has_value(value: float | str | None) -> bool:
-    """Whether there is a value."""
+    """True unless the value is None or NaN."""
     return value is not None and value == value  # NaN is not
 
 
 def _worst(
     stations: Ints, stresses: StressObserver, known: tuple[Floats, Floats], settings: StressLife
 ) -> tuple[int, Floats]:
-    """The station of a body with the largest damage, and the turning points of its stress, Pa.
+    """Station of a body with the largest damage, and the turning points of its stress, Pa.
 
     Parameters
     ----------
-    stations : those of the body.
-    stresses : of the motion.
-    known : (nx,) differences of the extremes and bounds on the total variations, Pa.
-    settings : the life that is counted in.
+    stations : stations of the body.
+    stresses : observer of the motion.
+    known : (nx,) stress ranges, and bounds of the total variations, Pa.
+    settings : S-N line.
 
     Returns
     -------
-    Its number, and what it is counted from. Where no range does damage, the station with the largest range.
+    Index of the station, and its turning points. Without damage, the station with the largest range.
     """
     ranges, variation = (values[stations] for values in known)
     unit, exponent, limit = float(ranges.max()), settings.exponent, settings.endurance_limit or 0.0
@@ -228,17 +228,17 @@ def _worst(
 
 
 def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[str, float]:
-    """Interval, 95 %, of the mean damage of stationary motions as long as this one, from that of its parts.
+    """95 % interval of the mean damage of stationary motions as long as this one, from parts of it.
 
     Parameters
     ----------
-    turns : (n,) Pa, between which the stress rises and falls.
-    done : damage of all of them.
-    settings : the life that is counted in.
+    turns : (n,) turning points of the stress, Pa.
+    done : damage of all cycles.
+    settings : S-N line.
 
     Returns
     -------
-    Columns of `FATIGUE`, a ratio to either side of the damage; none of a record with few cycles.
+    Columns of `FATIGUE`, as ratios to the damage; empty for a record with few cycles.
     """
     parts, limit = np.array_split(turns, BLOCKS), settings.endurance_limit or 0.0
     each = np.array([
@@ -253,7 +253,7 @@ def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[st
 
 
 def fatigue_warnings(fatigue: Dataset, settings: StressLife) -> Iterator[str]:
-    """A warning for each body that fails within the run, seldom what is simulated, or within the test."""
+    """Warn about each body that fails within the run (often a wrong unit), or within the test."""
     for body in fatigue.rows("body"):
         if body["damage"] < 1.0 <= (body.get("damage_in_test") or 0.0):
             tested = f"{body['damage_in_test']:.3g}"

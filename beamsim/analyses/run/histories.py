@@ -1,4 +1,4 @@
-"""The labelled datasets of a run at its output times: histories by place, contact events, intervals of sliding."""
+"""Datasets of a run at its output times: histories by place, contact events, intervals of sliding."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ _FORCES = ("start_force", "static_force", "sliding_force")
 
 
 def without_histories() -> dict[str, Dataset]:
-    """The datasets of a run of which only values are needed."""
+    """Datasets of a run that needs only values."""
     return {"histories": HISTORIES.dataset({"time": np.zeros(0)})}
 
 
 def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation) -> dict[str, Dataset]:
-    """Everything at the output times, as datasets of the result.
+    """Datasets of all histories at the output times.
 
     Parameters
     ----------
-    motion : of the run.
-    histories : of the motion.
-    evaluation : what is computed from the motion.
+    motion : motion of the run.
+    histories : histories of the motion.
+    evaluation : evaluation of the motion.
 
     Returns
     -------
@@ -82,14 +82,14 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
 
 
 def _friction_intervals(rows: Sequence[tuple[int, Any]]) -> Dataset:
-    """Intervals of the statistics of friction contacts, each with the number of its contact."""
+    """Intervals of the statistics of friction contacts, each with the index of its contact."""
     columns = {name: [getattr(row, name) for _, row in rows] for name in ("figure", "value", "low", "high")}
     numbers = {"number": np.arange(len(rows)), "friction": [k for k, _ in rows]}
     return FRICTION_INTERVALS.dataset(numbers | columns)
 
 
 def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
-    """Datasets of the nonlinear springs: their properties and histories."""
+    """Variables of the nonlinear springs: properties and histories."""
     return {
         "spring": [spring.name for spring in springs],
         "spring_kind": [spring.kind for spring in springs],
@@ -100,14 +100,14 @@ def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
 
 
 def _numbers_or_none(values: Sequence[float | None]) -> Floats | None:
-    """(k,) numbers, NaN where there is none; None where there are none at all."""
+    """(k,) numbers, NaN for None; None if all are None."""
     if all(value is None for value in values):
         return None
     return np.array([np.nan if value is None else value for value in values])
 
 
 def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[str, Any]:
-    """Histories of the probes; the base has displacements (nt,), m."""
+    """Histories of the probes; ``base`` is the base displacement (nt,), m."""
     system, probes, displacement = motion.system, motion.system.probes, histories.of(DISPLACEMENT).T
     bodies = system.scenario.bodies_of_places["probes"] if len(system.scenario.all_bodies) > 1 else {}
     return {
@@ -124,7 +124,7 @@ def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[st
 
 
 def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
-    """Datasets of the snubbers: their properties and histories."""
+    """Variables of the snubbers: properties and histories."""
     system, snubbers = motion.system, motion.system.snubbers
     bodies = system.scenario.bodies_of_places["snubbers"] if len(system.scenario.all_bodies) > 1 else {}
     described = ("position", "side", "stiffness", "dashpot", "gap", "preload", "blocked_force", "stiffness_ratio")
@@ -146,7 +146,7 @@ def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
 
 
 def _residual_crush(motion: RunMotion) -> dict[int, float]:
-    """Residual crush at the end of the motion of the snubbers that yield, m, by their number; none by time stepping."""
+    """Residual crush of the snubbers that yield at the end of the motion, m, by index; empty for time stepping."""
     contacts, trajectory = motion.system.dynamics.contacts, motion.trajectory
     yielding = [j for j in range(len(motion.system.snubbers)) if contacts.laws[j].yields]
     if trajectory is None:
@@ -161,7 +161,7 @@ def _residual_crush(motion: RunMotion) -> dict[int, float]:
 
 
 def _sliding_by_contact(motion: RunMotion, evaluation: Evaluation) -> list[dict[str, Any]]:
-    """Results of `sliding_values` for each friction contact, as far as they are known."""
+    """Results of `sliding_values` for each friction contact, as far as computed."""
     system, scenario = motion.system, motion.system.scenario
     contacts = [each.item for each in scenario.listed("friction")]
     unknown: list[dict[str, Any]] = [{} if c.pressed_by is None else {"sliding_share": np.nan} for c in contacts]
@@ -174,7 +174,7 @@ def _sliding_by_contact(motion: RunMotion, evaluation: Evaluation) -> list[dict[
 
 
 def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Datasets of friction contacts: their properties and histories; ``sliding`` is from `_sliding`."""
+    """Variables of friction contacts: properties and histories; ``sliding`` is from `_sliding_by_contact`."""
     system = motion.system
     contacts, number = [each.item for each in system.scenario.listed("friction")], system.friction_contacts
     slides = [of.get("slides") for of in sliding]
@@ -197,7 +197,7 @@ def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict
 
 
 def friction_summary(datasets: dict[str, Dataset]) -> dict[str, dict[str, Any]]:
-    """By friction contact the numbers of the summary, with their units in the names; None where one is unknown."""
+    """Summary of each friction contact, with units in the names; None for unknown values."""
     histories, intervals = datasets["histories"], datasets.get("friction_intervals")
     summary = {}
     for k, name in enumerate(histories.labels("friction")):
@@ -221,7 +221,7 @@ def friction_summary(datasets: dict[str, Dataset]) -> dict[str, dict[str, Any]]:
 
 
 def _of_outputs(system: StructuralSystem, histories: Histories) -> dict[str, Any]:
-    """The outputs that the run asks for, in its order."""
+    """Outputs that the run requests, in its order."""
     met: Counter[str] = Counter()
     values = []
     for output in system.outputs:
@@ -237,19 +237,18 @@ def _of_outputs(system: StructuralSystem, histories: Histories) -> dict[str, Any
 
 
 def aliased_in_histories(motion: RunMotion, histories: Histories) -> dict[str, float]:
-    """Shares of the root mean squares that lie above half the output rate, of those that are notable.
+    """Notable shares of the root mean squares above half the output rate.
 
-    Of a time-stepped motion, whose values between the output times are not known, it is what lies above a quarter of
-    the rate.
+    For a time-stepped motion, which is unknown between the output times, the share above a quarter of the rate.
 
     Parameters
     ----------
-    motion : of a run.
-    histories : of it.
+    motion : motion of the run.
+    histories : histories of the run.
 
     Returns
     -------
-    By place and quantity, ``"tip absolute_acceleration"``.
+    By place and quantity, such as ``"tip absolute_acceleration"``.
     """
     keys = (*spectral(motion.system).places, ("probes", "velocity"), FORCE)
     channels = motion.system.channels.of_keys(*dict.fromkeys(keys))
@@ -271,12 +270,12 @@ def aliased_in_histories(motion: RunMotion, histories: Histories) -> dict[str, f
 
 
 def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Dataset]:
-    """The dataset of results along each body that has a continuous axis, by its name; none without such a body.
+    """Dataset of results along each body with a continuous axis, by its name; empty without such a body.
 
     Parameters
     ----------
-    motion : of the run.
-    evaluation : what is computed from the motion.
+    motion : motion of the run.
+    evaluation : evaluation of the motion.
     """
     system, times = motion.system, extreme_times(motion.extremes)
     equilibrium, stresses, von_mises = system.static_equilibrium, dict[str, Floats](), dict[str, Floats]()
@@ -315,12 +314,12 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
 
 
 def contact_of_run(system: StructuralSystem, largest: LargestContact) -> Dataset:
-    """The motion when the contact force is largest, as a dataset of the result, for the sketch of several bodies.
+    """Dataset of the motion at the largest contact force, for the sketch of several bodies.
 
     Parameters
     ----------
-    system : of several bodies.
-    largest : contact force of its motion.
+    system : system with several bodies.
+    largest : largest contact force of its motion.
     """
     places = [place for body in system.bodies for place in body.places]
     supports = system.with_supports(places, np.array([largest.time]))[0]

@@ -1,15 +1,15 @@
-r"""What contacts did in a run, from a motion in closed form: impacts, sliding of friction.
+r"""Impacts and sliding of friction in a run, from a motion in closed form.
 
-An impact lasts from the closing of a contact to its opening; contacts that follow each other within the minimum rest
-time are one. One that touched before the motion begins is cut off there: its approach speed is not known. Impulses,
-energies and mean squares are integrals over the segments in closed form, speeds the penetration's rate where segments
-begin, peak forces the highest turning points of the force (of a latch, which also pulls, of its magnitude). What a
-released snubber loses until it is met again belongs to the impact before.
+An impact lasts from the closing of a contact to its opening; contacts separated by less than the minimum rest time are
+one impact. A contact that began before the motion is cut: its approach speed is unknown. Impulses, energies and mean
+squares are closed-form integrals over the segments, speeds the rate of the penetration at starts of segments, peak
+forces the highest turning points of the force (for a latch, which also pulls, of its magnitude). The energy that a
+released snubber loses before the next contact belongs to the previous impact.
 
-Sliding speed is that of the face, which behind a tangential spring is the slider. Where sliding begins under less than
-the static force the slider moves by what the spring springs back; this counts as sliding.
+The sliding speed is that of the face; behind a tangential spring, that of the slider. If sliding begins below the
+static force, the slider moves by the spring-back of that spring, which counts as sliding.
 
-Of random inputs the values have intervals (`jackknife`), from blocks with many impacts.
+For random inputs the values have intervals (`jackknife`), from blocks with many impacts.
 """
 
 from __future__ import annotations
@@ -35,22 +35,22 @@ from beamsim.system.equations import RowsOf
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Bools, Floats, Ints, not_none
 
-SKIPPED = 0.1  # share of a run that is left out at its beginning
+SKIPPED = 0.1  # share of the run that is excluded at its beginning
 CONFIDENCE = 0.95
 BLOCKS = 20
-LEAST = 40  # impacts, or slides, in these for an interval
+LEAST = 40  # impacts or slides needed for an interval
 
-AT_REST = 1e-9  # of the highest approach speed, below which an impact begins at rest
+AT_REST = 1e-9  # relative to the highest approach speed; slower contacts begin at rest
 
 Sums = Mapping[str, Floats]  # (BLOCKS,) by name
 
 
 class ImpactObserver(ChunkObserver):
-    """Impacts at all snubbers from ``run.from`` on, as ``run.impacts`` counts them.
+    """Impacts at all snubbers after ``run.from``, counted as ``run.impacts`` specifies.
 
     Parameters
     ----------
-    system : whose snubbers are looked at.
+    system : system with the snubbers.
     stop : see `ChunkObserver`.
     """
 
@@ -68,12 +68,12 @@ class ImpactObserver(ChunkObserver):
             self._end = chunk.end
 
     def result(self) -> dict[str, Dataset]:
-        """The datasets of a motion that goes on after ``run.from``, by name.
+        """Datasets of a motion that extends beyond ``run.from``, by name.
 
         Raises
         ------
         Interrupted
-            If a part of the motion is not evaluated.
+            If a part of the motion was not evaluated.
         """
         self.finish()
         return _impact_datasets(self._system, self._of_chunks, self._end)
@@ -82,7 +82,7 @@ class ImpactObserver(ChunkObserver):
 def _impact_datasets(
     system: StructuralSystem, of_chunks: Sequence[Sequence[_Contacts]], end: float
 ) -> dict[str, Dataset]:
-    """Impacts of contacts by chunk and snubber, up to the end of the motion, s, and their statistics."""
+    """Impacts from the contacts by chunk and snubber, up to the end of the motion (s), and their statistics."""
     run = not_none(system.scenario.run)
     settings, begin, stationary = not_none(run.impacts), run.from_, system.scenario.excitation.stationary
     each, statistics, cycles, intervals = [], [], [], []
@@ -123,7 +123,7 @@ def columns_of_cycles(cycles: Sequence[Floats], owner: str) -> dict[str, Any]:
 
 
 def _table(each: Sequence[_Impacts], minimum_rest: float, force_threshold: float) -> Dataset:
-    """The impacts of each snubber as one table, in order of time."""
+    """Impacts of all snubbers as one table, in order of time."""
     snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
     order = np.lexsort((snubber_of, np.concatenate([impacts.begin for impacts in each])))
     columns: dict[str, Any] = {
@@ -145,7 +145,7 @@ def _table(each: Sequence[_Impacts], minimum_rest: float, force_threshold: float
 
 @dataclass(frozen=True)
 class _Impacts:
-    """Impacts, or contacts from closing to opening, at one snubber in order of time, arrays (n,); see `IMPACTS`."""
+    """Impacts, or single contacts, at one snubber in order of time; arrays (n,), see `IMPACTS`."""
 
     begin: Floats
     end: Floats
@@ -161,23 +161,23 @@ class _Impacts:
     cut: Bools
 
     def select(self, which: Bools) -> _Impacts:
-        """The impacts for which ``which`` is true."""
+        """Impacts selected by a mask."""
         return _Impacts(*(values[which] for values in vars(self).values()))
 
 
 @dataclass(frozen=True)
 class _Contacts:
-    """The contacts at one snubber."""
+    """Contacts at one snubber."""
 
     rows: _Impacts
-    forces: tuple[Floats, ...]  # N, at the ends and the turning points of each
-    lost_before: float  # J, since a contact in an earlier part
-    begins_in_contact: bool  # the first one began in an earlier part, or before the motion
-    lasts: bool  # the last one does not end in this part
+    forces: tuple[Floats, ...]  # N, at the ends and the turning points of each contact
+    lost_before: float  # J, since a contact in an earlier chunk
+    begins_in_contact: bool  # True if the first one began in an earlier chunk, or before the motion
+    lasts: bool  # True if the last one does not end in this chunk
 
 
 def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
-    """Contacts at one snubber."""
+    """Contacts at one snubber in a chunk."""
     flow = trajectory.flow
     touching = flow.system.contacts.closed(trajectory.phases)[:, contact]
     first = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
@@ -207,9 +207,9 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
 
 
 def _join_parts(parts: Sequence[_Contacts]) -> _Contacts:
-    """The contacts of all parts in a row; one that goes on in the next part is one contact."""
+    """Concatenate the contacts of all chunks; a contact that continues in the next chunk is one contact."""
     rows = _Impacts(*map(np.concatenate, zip(*(vars(part.rows).values() for part in parts), strict=True)))
-    starts = np.cumsum([0, *(part.rows.begin.size for part in parts)])[:-1]  # number of the first contact of each part
+    starts = np.cumsum([0, *(part.rows.begin.size for part in parts)])[:-1]  # index of the first contact of each chunk
     begins_in_contact = np.zeros(rows.begin.size, dtype=bool)
     for number, before, part in zip(starts[1:], parts[:-1], parts[1:], strict=True):
         if before.lasts and part.begins_in_contact:
@@ -222,7 +222,7 @@ def _join_parts(parts: Sequence[_Contacts]) -> _Contacts:
 
 
 def _merge(contacts: _Contacts, begins: Bools) -> _Contacts:
-    """The contacts, each with those that follow it up to the next that ``begins`` (n,) a new one."""
+    """Merge each contact with those that follow it, up to the next that ``begins`` (n,) a new one."""
     rows, first = contacts.rows, np.flatnonzero(begins)
     last = np.append(first[1:], rows.begin.size) - 1 if first.size else first
     owner = np.cumsum(begins) - 1
@@ -241,7 +241,7 @@ def _merge(contacts: _Contacts, begins: Bools) -> _Contacts:
 
 
 def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
-    """Contacts that follow each other within the minimum rest time are one impact."""
+    """Merge contacts within the minimum rest time into impacts."""
     begin, end = contacts.rows.begin, contacts.rows.end
     rest = np.append(np.inf, begin[1:] - end[:-1])[: begin.size]
     impacts = _merge(contacts, (rest >= minimum_rest) | (minimum_rest == 0.0)).rows
@@ -253,13 +253,13 @@ def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
 
 
 def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:
-    """Whether contact begins at the start of the run, and did not last before."""
+    """True if contact begins exactly at the start of the run."""
     at_start = (trajectory.event_time <= trajectory.time[0]) & (trajectory.event_contact == contact)
     return bool(np.any(at_start & (trajectory.touch_changes > 0)))
 
 
 def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
-    """(S, 3) integrals over each segment: squared force, force, power lost in the snubber."""
+    """(S, 3) integrals over each segment: squared force, force, dissipated power."""
     contacts = trajectory.flow.system.contacts
     segments = np.arange(touching.size) if contacts.state_counts[contact] else np.flatnonzero(touching)
     out = np.zeros((touching.size, 3))
@@ -269,7 +269,7 @@ def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
 
 
 def _factors(flow: ExactFlow, contact: int) -> tuple[RowsOf, RowsOf, Floats]:
-    """Factors of squared force, force and power lost of one contact, and their weights; as `power_factors`."""
+    """Factors of squared force, force and dissipated power of one contact, and their weights; see `power_factors`."""
     contacts = flow.system.contacts
     first = contacts.count + int(contacts.first_state[contact])
     rows = np.append(contact, first + np.arange(contacts.state_counts[contact]))
@@ -290,7 +290,7 @@ def _factors(flow: ExactFlow, contact: int) -> tuple[RowsOf, RowsOf, Floats]:
 
 
 def _largest(owner: Ints, points: TurningPoints, count: int) -> tuple[Floats, Floats]:
-    """(count,) largest value and its time by owner; the owners do not decrease."""
+    """(count,) largest value and its time by owner, for sorted owners."""
     order = np.lexsort((points.value, owner))
     last = np.flatnonzero(np.append(np.diff(owner[order]) != 0, True)) if owner.size else order
     value, time = np.full(count, np.nan), np.full(count, np.nan)
@@ -299,7 +299,7 @@ def _largest(owner: Ints, points: TurningPoints, count: int) -> tuple[Floats, Fl
 
 
 def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> Floats:
-    """(nt,) rates of penetration at any times."""
+    """(nt,) penetration rates at given times."""
     rate = trajectory.flow.equations.penetration_rate[[contact]]
     if not times.size:
         return np.zeros(0)
@@ -310,7 +310,7 @@ def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> F
 
 
 def _statistics(span: tuple[float, float], every: _Impacts, counted: _Impacts) -> dict[str, float]:
-    """Numbers of one snubber, see `OF_SNUBBERS`."""
+    """Statistics of one snubber; see `OF_SNUBBERS`."""
     duration = span[1] - span[0]
     contact = float(every.contact_time.sum())
     impulse, square = float(every.impulse.sum()), float(every.square.sum())
@@ -356,7 +356,7 @@ def _mean(values: Floats) -> float:
 
 
 def _with_rests(contacts: _Contacts) -> Floats:
-    """Forces with zero before and after each contact, where that is within the motion."""
+    """Forces, with zero before and after each contact inside the motion."""
     rest = np.zeros(1)
     parts = [each for force in contacts.forces for each in (rest, force)]
     parts = parts[1:] if contacts.begins_in_contact else parts
@@ -374,20 +374,20 @@ _FIGURES: dict[str, Callable[[Sums], Floats]] = {
     "mean_force_n": lambda s: s["every impulse"] / s["time"],
     "rms_force_n": lambda s: np.sqrt(s["every square"] / s["time"]),
 }
-"""Figures that have an interval, from sums over blocks of time; an impact belongs to the block in which it begins."""
+"""Values with an interval, from sums over blocks of time; an impact belongs to the block of its beginning."""
 
 
 class ValueInterval(NamedTuple):
-    """One value of a random input with its interval."""
+    """Value for a random input, with its interval."""
 
     figure: str
-    value: float  # without the first part of the run, in its SI unit
+    value: float  # without the first part of the run, SI
     low: float  # 95 %
     high: float
 
 
 def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> tuple[ValueInterval, ...]:
-    """Intervals of a random run; none where the impacts are too few."""
+    """Intervals for a random input; empty if there are too few impacts."""
     begin = max(SKIPPED * end, begin)
     width = (end - begin) / BLOCKS
 
@@ -410,8 +410,8 @@ def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> 
 def jackknife(blocks: Sums, estimators: Mapping[str, Callable[[Sums], Floats]]) -> tuple[ValueInterval, ...]:
     """Jackknife confidence intervals of functions of block sums, from blocks of equal length in time.
 
-    The jackknife runs over the blocks (B. Efron, The Jackknife, SIAM 1982, ch. 3), with Student's t, of a stationary
-    motion whose blocks are long against its memory.
+    The jackknife leaves out one block at a time (B. Efron, The Jackknife, SIAM 1982, ch. 3), with Student's t; blocks
+    must be long compared with the memory of the motion.
     """
     from scipy.special import stdtrit
 
@@ -429,18 +429,18 @@ def jackknife(blocks: Sums, estimators: Mapping[str, Callable[[Sums], Floats]]) 
 def sliding_values(
     system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], *, random: bool = False
 ) -> list[dict[str, Any]]:
-    """Sliding of friction contacts in a motion, as fields of their histories.
+    """Values of sliding of friction contacts, by the names of their variables.
 
     Parameters
     ----------
-    system : of the contacts.
-    trajectory : the motion that counts.
-    contacts : f, those of the scenario in its order.
-    random : whether the input is random, so that the values have intervals.
+    system : system of the contacts.
+    trajectory : motion that is counted.
+    contacts : the f contacts, in the order of the scenario.
+    random : True for a random input, for which the values have intervals.
 
     Returns
     -------
-    Of each contact the numbers about sliding, energy and wear, by name.
+    For each contact its values about sliding, energy and wear, by name.
     """
     begin, times = float(trajectory.time[0]), np.array([trajectory.end])
     if random:
@@ -463,7 +463,7 @@ def sliding_values(
 
 
 def _sliding_intervals(sums: Sums, times: Floats) -> tuple[ValueInterval, ...]:
-    """Confidence intervals for one contact from the sums until some times; none where it slides too rarely."""
+    """Confidence intervals for one contact, from sums up to given times; empty if it rarely slides."""
     blocks = {name: np.diff(of) for name, of in sums.items()} | {"duration": np.diff(times)}
     estimators = {figure: partial(_rate, name) for figure, name in _RATES.items()}
     return jackknife(blocks, estimators) if blocks["slides"].sum() >= LEAST else ()
@@ -480,8 +480,7 @@ _RATES = {
     "dissipated_power_w": "lost",
     "wear_power_w": "wear",
 }
-"""Values that have an interval, by the sum over time that they are the rate of; what happens where sliding begins
-belongs to the block in which it does."""
+"""Values with an interval, by the sum whose rate they are; a slide belongs to the block of its beginning."""
 
 
 def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Ints, phases: Ints) -> Floats:
@@ -492,8 +491,8 @@ def _normal_forces(flow: ExactFlow, contacts: Sequence[FrictionBase], which: Int
 def _sliding(
     system: StructuralSystem, trajectory: Trajectory, contacts: Sequence[FrictionBase], times: Floats
 ) -> dict[str, Floats]:
-    """Sums until some times, (nt, f) each: time of sliding, s, distance, m, wear as normal force times distance, J,
-    energy lost, J, and slides."""
+    """Sums up to given times, (nt, f) each: sliding time, s, distance, m, wear as normal force times distance, J,
+    dissipated energy, J, and number of slides."""
     flow, which = trajectory.flow, system.friction_contacts
     every = trajectory.phases
     phases = every[:, which]

@@ -1,18 +1,18 @@
-r"""What linear motions say of a run: the structures between which contact switches, and when contact changes first.
+r"""Predictions from linear motions: structures with contacts always open or closed, and the first contact change.
 
-*Random input.* With every snubber always open, or always closed as if it were glued, the stationary response has the
-variance :math:`\int |H|^2 S df`, with S the density of the input. Compared with the values of the run they show the
-effect of the stops. The integral is taken by Gauss-Legendre rules on panels that are short near the resonances, where
-the integrand varies over a half-power bandwidth; its error is below 1e-6.
+*Random input.* With every snubber always open, or always closed (bilateral), the stationary response has the variance
+:math:`\int |H|^2 S df`, with S the density of the input. Compared with the run, it shows the effect of the stops. The
+integral uses Gauss-Legendre rules on panels that are short near resonances, where the integrand varies over a
+half-power bandwidth; its error is below 1e-6.
 
-*Gapping.* The linear motion about equilibrium is that in which every contact keeps the phase that it has at rest. Of a
-sine it is the steady one (`beamsim.responses.gapping`). Of a pulse, a record and other inputs it is marched from
-equilibrium: with :math:`\delta_0` the penetration at rest and :math:`\delta` that of the linear motion, the contact
-opens where the input is multiplied by
+*Gapping.* In the linear motion about equilibrium every contact keeps its phase at rest. For a sine it is the steady
+motion (`beamsim.responses.gapping`). For a pulse, a record and other inputs it is marched from equilibrium: with the
+penetration at rest :math:`\delta_0` and that of the linear motion :math:`\delta`, the contact opens if the input is
+multiplied by
 
 .. math:: \delta_0 / (\delta_0 - \min_t \delta)
 
-or more, and touches where it is multiplied by :math:`\delta_0 / (\delta_0 - \max_t \delta)`. Of a random input the
+or more, and closes if it is multiplied by :math:`\delta_0 / (\delta_0 - \max_t \delta)`. For a random input the
 standard deviation of the stationary linear motion is compared with :math:`\delta_0`.
 """
 
@@ -47,57 +47,57 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints
 
 NODES = 8
-NODES_OF_BINS = 3  # whose means are drawn
-GROWTH = 4.0  # of the distance from a resonance, from panel to panel
+NODES_OF_BINS = 3  # for means over frequency bins
+GROWTH = 4.0  # growth of the distance from a resonance, from panel to panel
 BLOCK = 256  # frequencies at a time
-UNDAMPED = 1e-9  # half-power bandwidth over frequency
+UNDAMPED = 1e-9  # half-power bandwidth over frequency; smaller counts as undamped
 
 Deviations = dict[tuple[str, str], float]  # by name and quantity
-SIGMAS = 3.0  # of a stationary motion that a preload withstands
-ALWAYS_CLOSED = 1e-12  # of the penetration at rest: a smaller excursion is round-off
+SIGMAS = 3.0  # standard deviations of a stationary motion that a preload should withstand
+ALWAYS_CLOSED = 1e-12  # relative to the penetration at rest; a smaller change is round-off
 _WATCHED = (PENETRATION, FORCE, ("springs", "extension"), ("friction", "extension"))
 OfSnubbers = dict[str, dict[str, Any]]
 
 
 class LinearInput(NamedTuple):
-    """A structure with one random input."""
+    """Structure with one random input."""
 
-    system: StructuralSystem  # whose loads follow a sine
+    system: StructuralSystem  # with loads for a sine
     density: SpectralDensity  # SI
-    clipping: float  # mean square of the input over that of its density
+    clipping: float  # ratio of mean squares of the clipped input and its density
 
 
 def linear_input(system: StructuralSystem) -> LinearInput | None:
-    """The structure and its input; None where the input is not one random base motion or force.
+    """Structure and input; None unless the input is a single random base motion or force.
 
-    Nor without a snubber, or with a nonlinear spring or friction.
+    None also without a snubber, or with a nonlinear spring or friction.
     """
     excitation = system.scenario.excitation
     alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
     linear = system.cubic is None and not system.springs and not system.dynamics.contacts.any_sticks_rigidly
-    resting = system.forcing.influence is None  # stops move with the base alone
+    resting = system.forcing.influence is None  # stops move only with the base
     if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
         return None
     given = density_of(excitation, system.scenario.folder_of("excitation", "psd", "file"))
-    loads = system.forcing.load.shape[0]  # of the base: its acceleration, and its displacement where springs feel it
+    loads = system.forcing.load.shape[0]  # of the base: acceleration, and displacement if springs depend on it
     sine = SineLoads(np.ones(loads, dtype=complex), np.array([0, -2])[:loads])
     return LinearInput(replace(system, sine=sine), given, clipped_mean_square(excitation.clip))
 
 
 def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tuple[str, str], dict[str, Any]]:
-    """Responses of the structures between which contact switches: every snubber always open, and always closed.
+    """Linear responses with every snubber always open, and always closed.
 
-    A snubber with a table has the slope at its static penetration, or its first one.
+    A snubber with a table has the slope at its static penetration, or its first slope.
 
     Parameters
     ----------
-    system : of the run.
-    frequency_hz : (F,) evenly spaced, Hz.
+    system : system of the run.
+    frequency_hz : (F,) evenly spaced frequencies, Hz.
 
     Returns
     -------
-    By name and quantity the values of `RANDOM` about them, SI; densities are means about the frequencies.
-    Empty where there is no `linear_input`, and where one of the two has an undamped resonance within the input's band.
+    Values of `RANDOM` about linear responses, SI, by name and quantity; densities are means around the frequencies.
+    Empty without a `linear_input`, or with an undamped resonance within the input's band.
     """
     driven = linear_input(system)
     if driven is None:
@@ -116,15 +116,15 @@ def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tup
 
 
 def stationary_deviations(driven: LinearInput, phases: Ints) -> Deviations | None:
-    """Standard deviations with all contacts staying in phases (m,); None with an undamped resonance in the band."""
+    """Standard deviations if all contacts keep their phases (m,); None with an undamped resonance in the band."""
     powers = stationary_powers(driven, phases)
     return None if powers is None else {of: float(np.sqrt(power[0])) for of, power in powers.items()}
 
 
 def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | None:
-    """(P + 1,) Hz, ends of panels on each of which density and response are smooth; None where they have no limit."""
+    """(P + 1,) ends of panels with smooth density and response, Hz; None if the response diverges."""
     dynamics, shape, n = system.dynamics, system.dynamics.contacts.shape, system.dynamics.size
-    pushed = dynamics.contacts.dynamic_stiffness(phases, np.ones(1))[0]  # that of Maxwell branches: of slow motions
+    pushed = dynamics.contacts.dynamic_stiffness(phases, np.ones(1))[0]  # of slow motions
     stiffness = np.diag(dynamics.stiffness) + (shape.T * pushed.real) @ shape
     damping = dynamics.damping + (shape.T * pushed.imag) @ shape
     poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])) / (2 * np.pi)
@@ -144,13 +144,13 @@ def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | N
 
 
 def _names(system: StructuralSystem) -> list[tuple[str, str]]:
-    """Names of the responses in order."""
+    """Names of the responses, in order."""
     names = [(probe.name, quantity) for quantity in ("displacement", MAIN_QUANTITY) for probe in system.probes]
     return names + [(snubber.name, quantity) for quantity in ("force", "penetration") for snubber in system.snubbers]
 
 
 def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats) -> Floats:
-    """(F, k) squared magnitudes for a unit of the input."""
+    """(F, k) squared magnitudes of the responses to a unit input."""
     contacts, snubbers = system.dynamics.contacts, slice(len(system.snubbers))
     rows = np.array([probe.shape for probe in system.probes]).reshape(-1, system.dynamics.size)
     omega = 2 * np.pi * frequency[:, None]
@@ -169,18 +169,18 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
 def stationary_powers(
     driven: LinearInput, phases: Ints, edges: Floats | None = None
 ) -> dict[tuple[str, str], Floats] | None:
-    """Mean squares of the stationary linear motion with all contacts staying in their phases, by parts of the band.
+    """Mean squares of the stationary linear motion in parts of the band, if all contacts keep their phases.
 
     Parameters
     ----------
-    driven : the structure and its input.
-    phases : (m,) of the contacts.
-    edges : (B + 1,) increasing, Hz; by default the ends of the input's band, with more points in between.
+    driven : structure and input.
+    phases : (m,) phases of the contacts.
+    edges : (B + 1,) increasing band edges, Hz; by default the ends of the input's band with intermediate points.
 
     Returns
     -------
-    By name and quantity (B,) between the edges, SI, 0 outside the input's band; None with an undamped resonance within
-    the band.
+    By name and quantity (B,) between the edges, SI, 0 outside the input's band; None with an undamped resonance
+    within the band.
     """
     panels, count = (
         _panels(driven.system, phases, driven.density.frequency_hz),
@@ -200,7 +200,7 @@ def stationary_powers(
 
 
 def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:
-    """Blocks of frequencies and weights of the rule with some nodes on every panel."""
+    """Blocks of frequencies and weights of a quadrature rule with several nodes on every panel."""
     node, weight = np.polynomial.legendre.leggauss(count)
     half = 0.5 * np.diff(panels)[:, None]
     frequency = (panels[:-1, None] + half * (1.0 + node)).ravel()
@@ -211,7 +211,7 @@ def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:
 
 
 def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> OfSnubbers:
-    """Factors of the input at which the linear motion changes contact, from its extremes."""
+    """Factors on the input at which the linear motion changes contact, from its extremes."""
     system, count = motion.system, len(motion.system.snubbers)
     contacts = system.dynamics.contacts
     penetration = static_penetration(system)
@@ -231,7 +231,7 @@ def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> 
     ]
 
     def needed(linear: Extremes) -> list[float]:
-        """Contact forces at rest, N, that a linear motion just keeps positive."""
+        """Contact forces at rest that a linear motion just keeps positive, N."""
         laws = enumerate(zip(contacts.laws[:count], penetration.tolist(), strict=False))
         return [
             max(law.stiffness * rest - float(linear[FORCE][0, j]), 0.0)
@@ -250,25 +250,25 @@ def _by_snubber(
     together: Sequence[float],
     alone: Sequence[float] | None,
 ) -> OfSnubbers:
-    """The entry ``gapping`` of a summary.
+    """Assemble the summary entry ``gapping``.
 
     Parameters
     ----------
-    system : of the contacts.
-    measure : the entry that orders the changes of contact.
-    changes : of each contact what the linear motion predicts of its change.
-    together, alone : N, preloads that keep each snubber closed, with all closed and with the others as they are at
-        rest; None where these are the same.
+    system : system of the contacts.
+    measure : name of the value that orders the contact changes.
+    changes : predicted contact change of each contact.
+    together, alone : preloads that keep each snubber closed, N: with all snubbers closed, and with the others as they
+    are at rest; None if these are the same.
 
     Returns
     -------
-    By snubber, without those whose law is more than a stiffness and a dashpot.
+    By snubber, without snubbers with laws other than stiffness and dashpot.
     """
     closed, of_snubber = static_penetration(system) > 0, {}
     for j, snubber in enumerate(system.snubbers):
         law = system.dynamics.contacts.laws[j]
         if law.linear_in_contact:
-            kept = 0.0 if law.latches else 1.0  # a latch is not lost without a preload either
+            kept = 0.0 if law.latches else 1.0  # a latch needs no preload
             others = together[j] if alone is None else alone[j] if closed[j] else math.nan
             preloads = {"preload_n": kept * together[j], "preload_alone_n": kept * others}
             of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | changes[j] | preloads
@@ -277,13 +277,13 @@ def _by_snubber(
 
 
 def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) -> list[tuple[float, float]]:
-    """From which factor of the input each contact leaves its phase, and when; inf where no input of this shape does.
+    """Smallest factor on the input at which each contact leaves its phase, and the time; inf if there is none.
 
     Parameters
     ----------
-    system : of the contacts.
-    penetration : (m,) at rest, m.
-    linear : extremes of the motion in which all keep their phases.
+    system : system of the contacts.
+    penetration : (m,) penetrations at rest, m.
+    linear : extremes of the motion in which all contacts keep their phases.
     """
     extreme = {
         (channel.section, channel.quantity, channel.name): linear[key][:, k].tolist()
@@ -307,7 +307,7 @@ def _factors(system: StructuralSystem, penetration: Floats, linear: Extremes) ->
 
 
 def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints) -> Extremes | None:
-    """Of the motion from equilibrium in which no contact leaves its phase; None if it was not marched to its end."""
+    """Extremes of the motion from equilibrium in which all contacts keep their phases; None if it was interrupted."""
     contacts = system.dynamics.contacts
     laws = tuple(
         replace(law, phases=(replace(law.phases[phase], guards=()),), start=0)

@@ -1,6 +1,6 @@
-"""The motion of a run: what is computed of it, how it is marched and evaluated in one pass, and what that leaves.
+"""Motion of a run: which parts are computed, and marching with evaluation in one pass.
 
-Every chunk of a motion in closed form is marched, evaluated once and forgotten.
+Every chunk of a motion in closed form is marched, evaluated once, and discarded.
 """
 
 from __future__ import annotations
@@ -59,48 +59,48 @@ Value = TypeVar("Value")
 
 STRESS_ENTRIES = ("largest_bending_stress_pa", "largest_bending_stress_position_m")
 ROOT_MEAN_SQUARES = tuple(entry for entry, value in BY_ENTRY.items() if value.quantity and entry.startswith("rms_"))
-BYTES_A_PIECE = 2000  # that a motion which is kept needs for each piece of its input
+BYTES_A_PIECE = 2000  # memory per piece of the input if the motion is kept
 CHUNK_SHARE = 0.064  # of the memory, for the pieces of a chunk
 FEWEST_PIECES = 4096  # in a chunk
-COMPARED_SHARE = 0.2  # for those of the first part, which is compared with that of a finer model
-SPECTRUM_SHARE = 0.25  # for those of the last part, of which there are spectra
-MOTION_SHARE, HISTORIES_SHARE = 0.5, 0.3  # for the motion (joined, it is there twice), and for its samples
+COMPARED_SHARE = 0.2  # for the pieces of the first part, which is compared with a finer model
+SPECTRUM_SHARE = 0.25  # for the pieces of the last part, which has spectra
+MOTION_SHARE, HISTORIES_SHARE = 0.5, 0.3  # for the motion (twice while it is joined), and for its samples
 GRACE_S = 0.7
-"""Processor time after an interruption in which a motion that was marched is evaluated as a whole, so that it is kept
-as a whole; the same again for its histories."""
+"""Processor time after an interruption, s, in which a marched motion is evaluated completely and therefore kept; the
+same again for its histories."""
 KEPT_S = 0.25
-"""Processor time after that in which the first part of a longer motion is evaluated, which is kept."""
-FEWEST_SEGMENTS = 64  # of a motion, that are evaluated whatever time that takes
+"""Processor time after that, s, in which the first part of a longer motion is evaluated, which is then kept."""
+FEWEST_SEGMENTS = 64  # of a motion that are always evaluated
 
 
 class TimeShares(NamedTuple):
-    """Shares of the processor time of a run that have passed after each of its steps."""
+    """Shares of the processor time of a run at the end of each of its steps."""
 
     march: float
     extremes: float
     histories: float
-    own_model: float  # of the time with a finer model: after all steps with the model of the run
+    own_model: float  # of the total time with a finer model: all steps with the model of the run
 
 
 TIME_SHARES = {False: TimeShares(0.01, 0.2, 0.8, 0.6), True: TimeShares(0.12, 0.56, 0.68, 0.2)}
-"""About as they were measured of swept sines, and where the input is stationary of a random run."""
+"""Approximate, measured for swept sines (False) and for random runs with a stationary input (True)."""
 
 
 @dataclass(frozen=True)
 class Needed:
-    """Which parts of a run are computed: everything, or as much as some entries of its summary take.
+    """Which parts of a run are computed: everything, or the parts that certain summary entries need.
 
-    How a run is judged does not depend on it: outcome, warnings and margins are the same whatever is needed.
+    Outcome, warnings and margins of a run do not depend on it.
 
     Parameters
     ----------
-    entries : of the summary, those that limits are compared with among them; None for everything, with histories,
-        spectra and shapes.
-    statistics : whether the statistics of a stationary response are.
-    root_mean_squares : whether those of any other response, which belong to its spectra, are.
-    every_station : whether the largest stress of every station is, not only the largest of all.
-    derived : whether what is taken of the motion while it is marched is: histories, impacts, fatigue, plates.
-    state_times : (nt,) s, increasing, at which states are; none by default.
+    entries : needed summary entries, with those that have limits; None for everything, with histories, spectra and
+    shapes.
+    statistics : whether statistics of a stationary response are needed.
+    root_mean_squares : whether root mean squares of other responses, which belong to the spectra, are needed.
+    every_station : whether the largest stress of every station is needed, not only the overall largest.
+    derived : whether histories, impacts, fatigue and plate stresses are needed.
+    state_times : (nt,) increasing times of needed states, s; none by default.
     """
 
     entries: frozenset[str] | None = None
@@ -112,16 +112,16 @@ class Needed:
 
     @classmethod
     def of(cls, scenario: Scenario, entries: Collection[str]) -> Self:
-        """The parts that some entries of the summary, the limits and the settings of a scenario need.
+        """Parts that certain summary entries, the limits and the settings of a scenario need.
 
         Parameters
         ----------
-        scenario : with a ``run`` section.
-        entries : of the summary.
+        scenario : scenario with a ``run`` section.
+        entries : entries of the summary.
         """
         settings, stationary = not_none(scenario.run), scenario.excitation.stationary
         limits = {} if scenario.limits is None else scenario.limits.values_by_name
-        over_curves = {"srs_over_limit", "psd_over_limit"}  # which only limits have
+        over_curves = {"srs_over_limit", "psd_over_limit"}  # used only by limits
         needed = (frozenset(entries) - over_curves) | {parse_limit(name)[0].entry for name in limits}
         if settings.fatigue is not None:
             needed |= set(STRESS_ENTRIES)
@@ -135,11 +135,11 @@ class Needed:
         )
 
     def has(self, *entries: str) -> bool:
-        """Whether one of some entries of the summary is needed."""
+        """True if any of the given summary entries is needed."""
         return self.entries is None or not self.entries.isdisjoint(entries)
 
     def searched_channels(self, channels: ChannelSet) -> ChannelSet:
-        """The channels whose extremes some entries take; warnings need those of probes and snubbers in any case."""
+        """Channels whose extremes the needed entries use; warnings always need those of probes and snubbers."""
         entries = not_none(self.entries) | ({STRESS_ENTRIES[0]} if self.has(*STRESS_ENTRIES) else set())
         values = [value for value in VALUES if value.section in ALWAYS_THERE or value.entry in entries]
         return channels.select(
@@ -153,24 +153,24 @@ MOTION_ALONE = Needed(derived=False, every_station=False)
 
 @dataclass
 class Evaluation:
-    """Evaluation of a motion step by step; after an interruption the remaining steps are left out.
+    """Stepwise evaluation of a motion; after an interruption the remaining steps are skipped.
 
     Parameters
     ----------
-    stop : asked before and during every step whether to leave it out.
+    stop : polled before and during every step.
     """
 
     stop: Stop
-    left_out: list[str] = field(default_factory=list)  # what is missing
+    left_out: list[str] = field(default_factory=list)  # descriptions of skipped steps
 
     def compute(self, what: str, compute: Callable[[], Value], instead: Value, minor: bool = False) -> Value:
-        """The result of a step; ``instead`` if it is left out.
+        """Result of a step; ``instead`` if it is skipped.
 
         Parameters
         ----------
-        what : is noted as missing.
-        compute, instead : the result.
-        minor : whether it is noted only where nothing before it is left out.
+        what : description, recorded if the step is skipped.
+        compute, instead : function that computes the result, and the replacement.
+        minor : record the description only if nothing before it was skipped.
         """
         with suppress(Interrupted), stop_requests(self.stop, at_once=True):
             if not self.left_out:
@@ -184,43 +184,43 @@ class Evaluation:
 class Work(NamedTuple):
     """Work of the solver."""
 
-    events: int  # of contacts, those of springs and friction included
+    events: int  # of contacts, springs and friction
     evaluations: int  # of the event functions
     segments: int  # between events
-    states: int  # of contacts, that were diagonalised
+    states: int  # of contacts, diagonalised
     processor_time_s: float
 
 
 @dataclass
 class RunMotion:
-    """The motion of a run, from the closed form or from time stepping."""
+    """Motion of a run, in closed form or by time stepping."""
 
     system: StructuralSystem
     method: str
     marched: MotionInChunks | ReferenceTrajectory
     outcome: Outcome
-    energy_error: float  # of the balance, relative
+    energy_error: float  # of the energy balance, relative
     extremes: Extremes
     extreme_states: Floats  # (2, 2n) at `extreme_times`
     contact_share: Floats
     histories: Histories | None = None  # at the output times
-    contact: LargestContact | None = None  # of several bodies
-    states: Floats | None = None  # (nt, 2n or more) at the times that were asked for; of a time-stepped motion none
-    low_passed: Floats | None = None  # (nt or more, probes) acceleration behind the filter, where there is one
-    trajectory: Trajectory | None = None  # of the closed form, its last part where not all is kept
+    contact: LargestContact | None = None  # for several bodies
+    states: Floats | None = None  # (nt, 2n or more) at the requested times; None for a time-stepped motion
+    low_passed: Floats | None = None  # (nt or more, probes) filtered acceleration, if there is a filter
+    trajectory: Trajectory | None = None  # closed form; its last part if not all is kept
     impacts: ImpactObserver | None = None
     stresses: StressObserver | None = None
     plates: PlateStress | None = None
-    memory: Mapping[str, int] = field(default_factory=dict)  # entries of the summary
-    compared_s: float | None = None  # s, first part that is compared with a finer model, where not all is kept
+    memory: Mapping[str, int] = field(default_factory=dict)  # memory entries of the summary
+    compared_s: float | None = None  # s, length of the first part, compared with a finer model, if not all is kept
     warnings: tuple[str, ...] = ()
-    known: Trajectory | Histories = field(init=False)  # the closed form, or time stepping at the output times
+    known: Trajectory | Histories = field(init=False)  # closed form, or time-stepped motion at the output times
     work: Work = field(init=False)  # of the solver
-    events: Dataset = field(init=False)  # contacts of the snubbers made and ended, without breakpoints of their tables
+    events: Dataset = field(init=False)  # closings and openings of the snubbers, without breakpoints of their tables
 
     def __post_init__(self) -> None:
-        """Say what the march took, and when contacts were made and ended."""
-        of, count = self.marched, len(self.system.snubbers)  # contacts with higher numbers are springs and friction
+        """Set the work of the march and the contact events."""
+        of, count = self.marched, len(self.system.snubbers)  # higher contact numbers are springs and friction
         self.known = self.trajectory or not_none(self.histories)
         self.work = Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
         chosen = (of.event_contact < count) & (of.touch_changes != 0)
@@ -232,25 +232,25 @@ class RunMotion:
 
     @cached_property
     def jumps(self) -> list[ForceJumps]:
-        """Those of the forces that may jump; of a time-stepped motion they are not known."""
+        """Jumps of forces that may jump; unknown for a time-stepped motion."""
         found = self.trajectory is not None and self.system.forces_that_jump
         return [*jumps_of_motion(self.system, not_none(self.trajectory))] if found else []
 
     @property
     def breakpoints(self) -> int:
-        """Number of breakpoints of piecewise-linear springs that are passed, the start left out."""
+        """Number of passed breakpoints of piecewise-linear springs, without the start."""
         rubbing = np.isin(self.marched.event_contact, self.system.friction_contacts)
         of_spring = (self.marched.event_contact >= len(self.system.snubbers)) & ~rubbing
         return int(np.sum(of_spring & (self.marched.event_time > 0)))
 
 
 def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
-    """Whether the motion is marched in time steps."""
+    """True if the motion is integrated in time steps."""
     return settings.method == "reference" or system.cubic is not None
 
 
 def output_times(scenario: Scenario) -> Floats:
-    """(nt,) s, the times at which the motion of a run is asked for."""
+    """(nt,) output times of a run, s."""
     rate = scenario.sample_rate_up_to(highest_excited_hz(scenario))
     return np.asarray(np.arange(samples_until(not_none(scenario.run).duration, rate)) / rate)
 
@@ -263,27 +263,27 @@ def motion_in_chunks(
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] = never,
 ) -> tuple[MotionInChunks, str]:
-    """The motion of a run, to be marched, and the setting that limits its events.
+    """Prepare the motion of a run for marching, with the setting that limits its events.
 
-    It is one chunk where its input has no more pieces than the motion between them has room for in the memory.
+    It is one chunk if the memory has room for its input and for the motion between the input's pieces.
 
     Parameters
     ----------
-    system, settings : of the run.
-    most_events : by default as many as the settings allow and the memory has room for.
+    system, settings : system and settings of the run.
+    most_events : limit of the events; by default that of the settings and of the memory.
     progress, stop : see `beamsim.flow.transient.simulate`.
 
     Returns
     -------
     motion, limit
-        At its start; the path of the setting in the scenario.
+        Motion at its start; path of the limiting setting in the scenario.
 
     Raises
     ------
     ScenarioError
-        If a motion of one chunk has an input of too many pieces.
+        If the input of a motion in one chunk has too many pieces.
     """
-    record, at_once = common_record(system.forcing.signal), None  # of which all loads are made
+    record, at_once = common_record(system.forcing.signal), None  # common record of all loads
     pieces = 0 if record is None else record.pieces
     if pieces * BYTES_A_PIECE > MOTION_SHARE * settings.memory:
         at_once = max(int(CHUNK_SHARE * settings.memory / BYTES_A_PIECE), FEWEST_PIECES)
@@ -291,29 +291,29 @@ def motion_in_chunks(
         system, settings.duration, settings.most_contact_states, settings.memory,
         None if at_once is None else (0, min(at_once, pieces)),
     )  # fmt: skip
-    room = int(MOTION_SHARE * settings.memory / (2 * 8 * (flow.size + 8)))  # events, with the motion between them
+    room = int(MOTION_SHARE * settings.memory / (2 * 8 * (flow.size + 8)))  # events
     most = min(settings.max_events, room) if most_events is None else most_events
-    if at_once is None:  # what is marched as a whole is evaluated afterwards
+    if at_once is None:  # a motion in one chunk is evaluated afterwards
         progress = part_of(progress, 0.0, TIME_SHARES[system.scenario.excitation.stationary].march)
     motion = MotionInChunks(flow, system.initial_state, at_once, max_events=most, progress=progress, stop=stop)
     return motion, "run.max_events" if settings.max_events <= room else "run.memory"
 
 
 def refuse_long_histories(system: StructuralSystem, settings: Run, samples: int) -> None:
-    """Refuse histories that do not fit into their share of the memory.
+    """Refuse histories that exceed their share of the memory.
 
     Parameters
     ----------
-    system, settings : of the run.
+    system, settings : system and settings of the run.
     samples : number of output times.
 
     Raises
     ------
     ScenarioError
-        Before anything is computed, with the memory that they need.
+        Before anything is computed; the message gives the needed memory.
     """
     probes, filtered_too = len(system.probes), settings.low_pass is not None
-    # the time, three energies, both of the base; absolute displacements of probes
+    # the time, three energies, two base histories; absolute displacements of probes
     columns = system.channels.without(STRESS).order.size + 6 + probes * (2 if filtered_too else 1)
     needed = samples * (8 * columns + system.dynamics.contacts.count)
     if needed > HISTORIES_SHARE * settings.memory:
@@ -321,7 +321,7 @@ def refuse_long_histories(system: StructuralSystem, settings: Run, samples: int)
 
 
 def _too_long_histories(samples: int, columns: int, needed: int, memory: float) -> Problem:
-    """Histories of samples with some columns need more bytes than their share of the memory."""
+    """Problem of histories that need more bytes than their share of the memory."""
     factor, enough = needed / (HISTORIES_SHARE * memory), needed / HISTORIES_SHARE / 1e9
     return Problem(
         "run.sample_rate",
@@ -333,12 +333,12 @@ def _too_long_histories(samples: int, columns: int, needed: int, memory: float) 
 
 
 def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:
-    """Refuse what needs the whole motion, which does not fit into the memory."""
+    """Refuse settings that need the whole motion in memory, if it does not fit."""
     needed = {"run.srs": settings.srs is not None, "friction": system.friction_contacts.size > 0}
     problems = [
         Problem(
             name,
-            f"needs the whole motion in memory, and that does not fit into run.memory = {settings.memory:.3g} bytes",
+            f"needs the whole motion in memory, but it does not fit into run.memory = {settings.memory:.3g} bytes",
             "raise run.memory, shorten run.duration, or leave it out",
         )
         for name, asked in needed.items()
@@ -356,24 +356,24 @@ def exact_motion_of(
     stop: Callable[[], bool],
     needed: Needed = EVERYTHING,
 ) -> RunMotion:
-    """The motion in closed form, marched and evaluated in one pass.
+    """March and evaluate the motion in closed form, in one pass.
 
     Parameters
     ----------
-    system, settings : of the run.
-    times : (nt,) s, at which it is asked for.
+    system, settings : system and settings of the run.
+    times : (nt,) output times, s.
     progress, stop : see `beamsim.flow.transient.simulate`.
-    needed : what is taken of it.
+    needed : needed parts of the results.
 
     Returns
     -------
     RunMotion
-        Up to where it ended.
+        Motion up to its end.
 
     Raises
     ------
     ScenarioError
-        Where what is asked for needs more memory, pieces of the input or panels of a filter than there may be.
+        If the request exceeds limits of memory, pieces of the input, or panels of a filter.
     """
     march, limit = motion_in_chunks(system, settings, progress=progress, stop=stop)
     flow, latest = march.flow, None if march.one_chunk else _LatestPart.of(march, system, settings)
@@ -409,7 +409,7 @@ def exact_motion_of(
 def _evaluate_chunks(
     march: MotionInChunks, values: ChunkValues, overdue: GracePeriod, progress: Progress
 ) -> Iterator[Trajectory]:
-    """March a motion; its chunks, whose values are included, up to where these take too long after an interruption."""
+    """March a motion and include the values of its chunks, until these take too long after an interruption."""
     for chunk in march.chunks():
         try:
             with stop_requests(overdue, at_once=True, progress=progress):
@@ -422,29 +422,29 @@ def _evaluate_chunks(
 
 
 class _StateRecorder:
-    """States of a motion that is given chunk by chunk, at (nt,) increasing times, s."""
+    """Observer of the states of a motion at (nt,) increasing times, s."""
 
     def __init__(self, times: Floats) -> None:
         self._times, self._known, self._of_chunks = times, 0, list[Floats]()
 
     def add(self, chunk: Trajectory) -> None:
-        """Take the states at the times in the next chunk."""
+        """Store the states at the times within the next chunk."""
         first, self._known = self._known, times_reached(chunk.end, self._times).size
         self._of_chunks.append(chunk.states_at(np.minimum(self._times[first : self._known], chunk.end)))
 
     @property
     def states(self) -> Floats:
-        """(nt, 2n or more), up to where the motion ended."""
+        """(nt, 2n or more) states, up to the end of the motion."""
         return np.concatenate(self._of_chunks)
 
 
 class _LatestPart:
-    """The last part of a motion that is given chunk by chunk and does not fit into the memory.
+    """Last part of a motion that does not fit into memory and is passed chunk by chunk.
 
     Parameters
     ----------
-    length_s : s, of the part.
-    compared_s : s, length of the first part, which is compared with a finer model.
+    length_s : length of the part, s.
+    compared_s : length of the first part, which is compared with a finer model, s.
     """
 
     def __init__(self, length_s: float, compared_s: float) -> None:
@@ -452,22 +452,22 @@ class _LatestPart:
 
     @classmethod
     def of(cls, march: MotionInChunks, system: StructuralSystem, settings: Run) -> _LatestPart:
-        """That of which there are spectra; raises ScenarioError where something needs the whole motion."""
+        """The part that has spectra; raises ScenarioError if a setting needs the whole motion."""
         _refuse_what_needs_all(system, settings)
-        kept_s = settings.memory / BYTES_A_PIECE * not_none(march.flow.record).step  # of a motion that fits
+        kept_s = settings.memory / BYTES_A_PIECE * not_none(march.flow.record).step  # s, length that fits
         return cls(min(SPECTRUM_SHARE * kept_s, settings.spectrum.last or math.inf), COMPARED_SHARE * kept_s)
 
     def add(self, chunk: Trajectory) -> None:
-        """Keep the next chunk, and of those before it what belongs to the part."""
+        """Store the next chunk, and drop earlier chunks that no longer belong to the part."""
         self._chunks = [each for each in self._chunks if each.end > chunk.end - self.length_s] + [chunk]
 
     def fields(self, march: MotionInChunks, settings: Run) -> dict[str, Any]:
-        """Fields of the result of a march that depend on the part."""
+        """Result fields of a march that depend on the part."""
         return {"compared_s": self.compared_s, "warnings": (_memory_note(march, settings, self),)}
 
     @property
     def trajectory(self) -> Trajectory:
-        """The part, shorter where the motion ended early."""
+        """The part; shorter if the motion ended early."""
         whole = self._chunks[0] if len(self._chunks) == 1 else Trajectory.join(self._chunks)
         begin = whole.end - self.length_s
         return whole.extract(begin, whole.end) if begin > whole.time[0] else whole
@@ -486,7 +486,7 @@ def _longer(
 
 
 def _memory_note(march: MotionInChunks, settings: Run, latest: _LatestPart) -> str:
-    """A note that a motion exceeds the memory, and that spectra are of its last part."""
+    """Note that a motion exceeds the memory, and that spectra are those of its last part."""
     kept = f"the motion is kept {march.chunk_s:.3g} s at a time (run.memory = {settings.memory:.3g} bytes)"
     if march.outcome.interrupted:
         return kept
@@ -498,18 +498,18 @@ def _memory_note(march: MotionInChunks, settings: Run, latest: _LatestPart) -> s
 
 @dataclass
 class GracePeriod:
-    """Whether more than `GRACE_S` of processor time was spent since an interruption was noticed.
+    """True after more than `GRACE_S` of processor time since an interruption was noticed.
 
     Parameters
     ----------
-    stop : says whether there was one.
+    stop : True after an interruption.
     """
 
     stop: Stop
     since: float = math.inf
 
     def __call__(self) -> bool:
-        """Whether to give up."""
+        """True if the time is over."""
         if not self.stop():
             return False
         self.since = min(self.since, processor_time())
@@ -517,18 +517,18 @@ class GracePeriod:
 
 
 Computed = tuple[tuple[Floats, EnergyHistory, float], dict[Key, Extreme], LowPassed | None]
-"""Of a chunk: what its energy balance follows from, its extremes, and the filter at its end."""
+"""For a chunk: data of its energy balance, its extremes, and the filter at its end."""
 
 
 class ChunkValues:
-    """Reported values of a motion, collected chunk by chunk: peaks, states at peaks, energy balance.
+    """Values of a motion, collected chunk by chunk: peaks, states at peaks, energy balance.
 
     Parameters
     ----------
-    system, settings : of the run.
-    flow : of the motion.
-    times : (nt,) s, all output times.
-    needed : which extremes are searched for.
+    system, settings : system and settings of the run.
+    flow : flow of the motion.
+    times : (nt,) output times, s.
+    needed : needed parts, which decide about the searched extremes.
     """
 
     def __init__(
@@ -541,7 +541,7 @@ class ChunkValues:
         channels = (
             searched_channels(system.channels) if needed.entries is None else needed.searched_channels(system.channels)
         )
-        if settings.low_pass is not None:  # extremes of accelerations are those behind the filter
+        if settings.low_pass is not None:  # extremes of filtered accelerations
             channels = channels.without(ACCELERATION)
             self.low_passed = LowPassed(settings.low_pass, times, len(system.probes))
             self._accelerations = outputs_of(flow, system.channels.of_keys(ACCELERATION).linear)
@@ -549,7 +549,7 @@ class ChunkValues:
         self._channels = channels
 
     def compute(self, chunk: Trajectory) -> Computed:
-        """The values of the next chunk, which is not included yet: that takes no time, and is not interrupted."""
+        """Compute the values of the next chunk without including it (inclusion is fast and not interrupted)."""
         energies, low = energies_of_segments(chunk), None
         found = self._channels.split(np.array(channel_extrema(chunk, self._channels, self._largest_alone)[:4]))
         if self.low_passed is not None:
@@ -559,7 +559,7 @@ class ChunkValues:
         return energies, found, low
 
     def computed_of_beginning(self, chunk: Trajectory) -> tuple[Trajectory, Computed]:
-        """The part of the next chunk that can be evaluated in `KEPT_S`, and its values."""
+        """Part of the next chunk that can be evaluated in `KEPT_S`, and its values."""
         begin, segments = processor_time(), FEWEST_SEGMENTS
         while True:
             part = chunk.select(slice(0, segments))
@@ -572,7 +572,7 @@ class ChunkValues:
         self, chunk: Trajectory, energies: tuple[Floats, EnergyHistory, float], found: dict[Key, Extreme],
         low: LowPassed | None,
     ) -> None:  # fmt: skip
-        """Include the next chunk with its values, and look up its states where it has new extremes."""
+        """Include the values of the next chunk, with its states at new extremes."""
         self.balance.add(*energies)
         self.extremes = {name: merge_extremes(self.extremes.get(name), each) for name, each in found.items()}
         self.low_passed = low
@@ -586,7 +586,7 @@ class ChunkValues:
             self._include_contact(chunk)
 
     def _include_contact(self, chunk: Trajectory) -> None:
-        """Look up the openings of several bodies in the next chunk, where the largest contact force is in it."""
+        """Store the openings for several bodies if the next chunk has the largest contact force."""
         largest = largest_contact(self.system, self.extremes)
         if largest is not None and (self.contact is None or largest.time != self.contact.time):
             at, flow = np.array([largest.time]), chunk.flow
@@ -595,7 +595,7 @@ class ChunkValues:
 
 
 class LargestContact(NamedTuple):
-    """The largest contact force of a motion, and the motion then."""
+    """Largest contact force of a motion, and the motion at that time."""
 
     snubber: int
     force: float  # N
@@ -605,15 +605,15 @@ class LargestContact(NamedTuple):
 
 
 def largest_contact(system: StructuralSystem, extremes: Extremes) -> LargestContact | None:
-    """That of a structure with snubbers; None without contact."""
+    """Largest contact force of a structure with snubbers; None without contact."""
     forces, times = by_magnitude(system.channels.of_keys(FORCE).channels, extremes[FORCE])[2:]
-    forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # moments have no place in the sketch
+    forces = np.where([s.gap_unit == "m" for s in system.snubbers], forces, 0.0)  # the sketch does not show moments
     at = int(forces.argmax())
     return LargestContact(at, float(forces[at]), float(times[at])) if forces[at] > 0.0 else None
 
 
 def with_limit(outcome: Outcome, limit: str = "run.max_events") -> Outcome:
-    """The outcome, with the key of the scenario that limits the events."""
+    """The outcome, with the scenario key that limits the events."""
     if outcome.code != EVENT_LIMIT:
         return outcome
     return outcome.copy_with(remedy=f"raise {limit}, or check for a chattering contact")

@@ -1,6 +1,6 @@
-"""What takes long and is taken of a motion chunk by chunk, while it is marched: impacts, stresses.
+"""Base of observers that evaluate a motion chunk by chunk while it is marched (impacts, stresses).
 
-Every chunk is seen once and may be forgotten.
+Every chunk is passed once and need not be kept.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from beamsim.outcomes import Interrupted, Stop, check_stop, stop_requests
 
 
 class ChunkObserver(ABC):
-    """Evaluates chunk after chunk, the latest one when the next comes or when the result is asked for.
+    """Evaluate one chunk after the other; each chunk when the next one arrives, or when the result is requested.
 
-    What takes long is so computed after the values of the motion itself, if the motion is one chunk.
+    For a motion of one chunk, slow evaluations therefore come after the values of the motion itself.
 
     Parameters
     ----------
-    stop : asked during a march whether to end; there is no result then.
+    stop : polled during a march; if it returns True there is no result.
     """
 
     def __init__(self, stop: Stop) -> None:
@@ -26,7 +26,7 @@ class ChunkObserver(ABC):
         self._latest: Trajectory | None = None
 
     def add(self, chunk: Trajectory) -> None:
-        """Take the next chunk."""
+        """Pass the next chunk."""
         try:
             with stop_requests(self._stop, at_once=True):
                 self.finish()
@@ -40,7 +40,7 @@ class ChunkObserver(ABC):
         Raises
         ------
         Interrupted
-            If this or an earlier chunk is not evaluated.
+            If this or an earlier chunk was not evaluated.
         """
         if self._interrupted:
             raise Interrupted
@@ -51,4 +51,4 @@ class ChunkObserver(ABC):
 
     @abstractmethod
     def evaluate(self, chunk: Trajectory) -> None:
-        """Include a chunk, as the one after those before."""
+        """Evaluate a chunk that follows the previous ones."""

@@ -1,37 +1,37 @@
-r"""Response to stationary inputs, random or measured: densities, RMS, statistics of peaks and levels, transmissibility.
+r"""Response to stationary random inputs: densities, RMS, statistics of peaks and levels, transmissibility.
 
 Densities are one-sided, by Welch's method (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967) with Hann windows
-and half overlap. The transmissibility is :math:`H_1 = S_{xy} / S_{xx}`; the coherence says where it means something:
-it is 1 for a linear structure, and below 1 where contact scatters energy to other frequencies.
+and half overlap. The transmissibility is :math:`H_1 = S_{xy} / S_{xx}`. The coherence is 1 for a linear structure, and
+below 1 where contact transfers energy to other frequencies.
 
 *Confidence.* The mean square of a record of duration T of a Gaussian process has the variance
 :math:`\int S^2 df / T` (J. S. Bendat, A. G. Piersol, Random Data, ch. 8), as a chi-square variable with
 :math:`n = 2 T (\int S df)^2 / \int S^2 df` degrees of freedom. The lines :math:`p_k` of the periodogram, with the full
 resolution 1/T, give :math:`n = 4 (\sum p_k)^2 / \sum p_k^2 - 2`, as the mean of :math:`p_k^2` is twice the square of
 that of :math:`p_k`. Where the kurtosis exceeds that of a Gaussian signal, the mean square scatters more, and n is
-divided by half of the kurtosis less 1. The interval is that of repeated records of a Gaussian input, whether the
-amplitudes of this one are random or fixed.
+divided by half of the kurtosis less 1. The interval is valid for repeated records of a Gaussian input, also if the
+amplitudes of this record are fixed.
 
 *The largest value of a test.* The record is cut into N segments. The energies at their peaks follow E. J. Gumbel's
 distribution (Statistics of Extremes, 1958), since energy is exponentially distributed: in the limit for a Gaussian
 signal (A. G. Davenport, Proc. ICE 28, 1964), and in stationary white noise for an oscillator with any spring (T. K.
 Caughey, J. Acoust. Soc. Am. 35, 1963). The energy is the square of the distance from the mean, and of a snubber's force
-F what is stored where the structure is turned back: with the penetration :math:`\delta` of its law after a long rest,
+F the stored energy at the turning point: with the penetration :math:`\delta` of its law after a long rest,
 means :math:`\bar\delta, \bar F` and the static stiffness k of the structure at the snubber,
 
 .. math:: \int_0^\delta F d\delta - \bar F (\delta - \bar\delta) + k (\delta - \bar\delta)^2 / 2.
 
-Stops, friction and springs that grow softer change that law. So the shape of a generalised extreme value distribution
-is left open, from -0.3, which has an end, to 0.25, a heavy tail; Gumbel's is 0. The first two L-moments (J. R. M.
-Hosking, J. R. Stat. Soc. B 52, 1990) are location and scale; the ratio of the third to the second says what it can of
-the shape. Of 20,000 drawn records of N energies, each with the largest one of a test, the tenth closest in that ratio
-gives median and interval of (largest - location) / scale, with how little N segments say. A segment has eight degrees
-of freedom, so that its peak says nothing of the next one. Where the frequency changes with the amplitude they seem to
-be more than they are: segments are joined in pairs as long as neighbours have high peaks together.
+Stops, friction and softening springs change that law. Therefore the shape of a generalised extreme value distribution
+is not fixed; it lies between -0.3 (bounded) and 0.25 (a heavy tail), and is 0 for Gumbel's. The first two L-moments
+(J. R. M. Hosking, J. R. Stat. Soc. B 52, 1990) give location and scale, and the ratio of the third to the second
+estimates the shape. Of 20,000 random records of N energies, each with the largest energy of a test, the tenth with the
+closest ratio gives median and interval of (largest - location) / scale; this includes the uncertainty of N segments. A
+segment has eight degrees of freedom, so that neighbouring peaks are independent. If the frequency depends on the
+amplitude they may seem so but are not: segments are merged in pairs while neighbours have high peaks together.
 
-*When it is not stated.* The test has to be more of the same. Where the stiffness of a contact changes by half of it
+*When no value is given.* The test must be statistically like its record. If the stiffness of a contact changes by half
 between the median of the segments' deflections and the upper end of the interval of that deflection in the test, only
-the force of that snubber is stated, which follows its law.
+the force of that snubber is given, which follows its law.
 """
 
 from __future__ import annotations
@@ -66,20 +66,20 @@ from beamsim.typing import Complexes, Floats, not_none
 _DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name, "N m": MOMENT_PSD.name}
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
-FREEDOM_OF_SEGMENT = 8  # degrees of freedom of a segment that has a peak of its own
+FREEDOM_OF_SEGMENT = 8  # per segment, so that each has an independent peak
 FEWEST_SEGMENTS, MOST_SEGMENTS = 5, 50
 EXPECTED = "expected_peak", "expected_peak_low", "expected_peak_high"
 UNKNOWN = "expected_peak_unknown"
-SAME_PEAK = 1e-9  # relative, within which the largest peaks of two segments are one, which none exceeds
-OTHER_STIFFNESS = 0.5  # of the largest: a change of a contact's stiffness that makes a test unlike its record
-DRAWS = 20_000  # of records, for the interval of a largest value
-REACHED = "largest value that the run reached"  # with which limits are compared where no test is known
-MOST_TIMES_AS_LONG = 1000  # a record that is to decide on a limit
-LEVELS = np.linspace(-12.0, 12.0, 97)  # whose crossings are counted, in standard deviations above the mean
+SAME_PEAK = 1e-9  # relative difference up to which the largest peaks of two segments count as the same, a bound
+OTHER_STIFFNESS = 0.5  # relative change of a contact's stiffness that makes a test unlike its record
+DRAWS = 20_000  # random records for the interval of a largest value
+REACHED = "largest value that the run reached"  # compared with limits if no value of the test is known
+MOST_TIMES_AS_LONG = 1000  # longest record that is recommended to decide on a limit
+LEVELS = np.linspace(-12.0, 12.0, 97)  # levels with counted crossings, in standard deviations above the mean
 
 
 class StationarySignal(NamedTuple):
-    """A history of a run with a stationary input: the input, or a response."""
+    """History of a run with a stationary input: the input, or a response."""
 
     section: str
     name: str
@@ -89,25 +89,25 @@ class StationarySignal(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name and quantity."""
+        """Name and quantity of the signal."""
         return f"{self.name} {self.quantity}"
 
 
 def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, Any]) -> Dataset | None:
-    """Analyse a run with a stationary input, a process of which the run is a sample.
+    """Analyse a run with a stationary input as a sample of a random process.
 
-    Of several inputs the base's is shown, or else that of the first force or support; they have no transmissibility.
+    Of several inputs, that of the base is analysed, or else the first force or support; these have no transmissibility.
 
     Parameters
     ----------
-    result : of the run.
-    motion : it came from.
+    result : result of the run.
+    motion : motion of the run.
     found : values of the motion, by entry of the summary.
 
     Returns
     -------
     Dataset or None
-        Of the layout `RANDOM`; None where the run is too short.
+        Layout `RANDOM`; None if the run is too short.
     """
     times, system = result["histories"]["time"].values, motion.system
     if times.size - int(SKIPPED * times.size) < LEAST_SAMPLES:
@@ -143,29 +143,29 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
 
 
 class StationaryRecord:
-    """The stationary part of a run, a sample of a test that may be longer.
+    """Stationary part of a run, a sample of a possibly longer test.
 
     Parameters
     ----------
-    result : of the run.
-    system : of it.
+    result : result of the run.
+    system : system of the run.
     found : values of the motion, by entry of the summary.
     """
 
     def __init__(self, result: RunResult, system: StructuralSystem, found: Mapping[str, Any]) -> None:
         self._histories, self._scenario, self._system, self._found = result["histories"], result.scenario, system, found
         times, settings = self._histories["time"].values, not_none(result.scenario.run)
-        self.first = int(SKIPPED * times.size)  # sample with which it begins
+        self.first = int(SKIPPED * times.size)  # first sample of the stationary part
         self._end, self._rate = float(times[-1]), (times.size - 1) / float(times[-1] - times[0])  # s, Hz
-        self._segment = max(2 * (times.size - self.first) // (SEGMENTS + 1), LEAST_SAMPLES // 2)  # samples of a density
+        self._segment = max(2 * (times.size - self.first) // (SEGMENTS + 1), LEAST_SAMPLES // 2)  # samples
         self.frequency: Floats = np.asarray(np.fft.rfftfreq(self._segment, 1.0 / self._rate), dtype=float)  # Hz
         self.tested = settings.test_duration or settings.duration  # s
-        self._outlasts = self.tested >= settings.duration  # what was seen, its beginning included
+        self._outlasts = self.tested >= settings.duration  # the test includes the computed motion
         self._linear = linear_responses(system, self.frequency)
         self._beyond = _beyond_record(result, system, self.first, self.tested * self._rate)
 
     def statistics(self, signal: StationarySignal) -> dict[str, Any]:
-        """Values of `RANDOM` of a signal, by name; those that it does not have are left out."""
+        """Values of `RANDOM` for a signal, by name; missing ones are omitted."""
         x = signal.history[self.first :]
         of_record: dict[str, Any] = statistics_of(x, self._rate) | rms_interval(x)
         psd_limit = limit_curve(
@@ -180,11 +180,11 @@ class StationaryRecord:
         }  # fmt: skip
 
     def _of_test(self, signal: StationarySignal, freedom: float) -> dict[str, Any]:
-        """The largest value that a signal is expected to reach in the test, or why that is unknown; mean and 3 sigma.
+        """Expected largest value of a signal in the test, or the reason why it is unknown; mean and 3 sigma.
 
         Parameters
         ----------
-        signal : with its history.
+        signal : signal with its history.
         freedom : degrees of freedom of its mean square.
         """
         name, quantity = signal.name, signal.quantity
@@ -194,7 +194,7 @@ class StationaryRecord:
         others = [why for of, why in self._beyond.items() if of != (name, quantity) and name != "input"]
         expected: dict[str, Any] = {UNKNOWN: others[0]} if others else largest_of_test(measured, freedom, samples)
         if not expected and (name, quantity) in self._beyond:
-            expected[UNKNOWN] = self._beyond[name, quantity]  # of a stop that only the test may reach
+            expected[UNKNOWN] = self._beyond[name, quantity]  # a stop that only the test may reach
         mean = float(seen.mean())
         expected["three_sigma"] = (mean if measured.one_sided else abs(mean)) + 3.0 * float(seen.std())
         if EXPECTED[0] in expected:
@@ -209,12 +209,12 @@ class StationaryRecord:
     def transmissibility(
         self, given: Floats, response: Floats, input_density: Floats, density: Floats
     ) -> tuple[Complexes, Floats]:
-        """H1 from the input's history (nt,) to a response's, and their coherence, (nf,) each.
+        """H1 from the input's history (nt,) to that of a response, and their coherence, (nf,) each.
 
         Parameters
         ----------
         given, response : histories.
-        input_density, density : (nf,) of the two.
+        input_density, density : (nf,) densities of the two.
         """
         cross = cross_density(given[self.first :], response[self.first :], self._rate, self._segment)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -222,7 +222,7 @@ class StationaryRecord:
 
 
 def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What is known of signals, as variables along them: NaN where one has not what others have."""
+    """Values of signals as variables along them; NaN if a signal has no such value."""
     columns: dict[str, Any] = {}
     for name, declared in RANDOM.variables.items():
         if declared.dims[:1] != ("signal",):
@@ -238,7 +238,7 @@ def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
-    """The input that is shown: the base's, or else that of the first force or support."""
+    """Analysed input: that of the base, or else the first force or support."""
     acting = ActingLoads.of(system.scenario)
     _, shown = acting.base or (*acting.forces, *acting.supports)[0]
     shaken = system.base_acceleration is not None
@@ -248,14 +248,14 @@ def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
 
 
 def _behind_filter(histories: Dataset, signal: StationarySignal) -> Floats:
-    """The history of a signal of which the largest value is expected: an acceleration behind run.low_pass."""
+    """History of a signal for the expected largest value: an acceleration after run.low_pass."""
     if signal.section == "probes" and signal.quantity == MAIN_QUANTITY and "low_passed_acceleration" in histories:
         return histories["low_passed_acceleration"].sel(probe=signal.name).values
     return signal.history
 
 
 def _responses(result: RunResult, motion: RunMotion) -> Iterator[StationarySignal]:
-    """The responses; openings and the largest stress where they have limits."""
+    """Responses; openings and the largest stress only if they have limits."""
     histories = result["histories"]
     for name in histories.labels("probe"):
         for quantity in (MAIN_QUANTITY, "displacement"):
@@ -285,13 +285,13 @@ def _responses(result: RunResult, motion: RunMotion) -> Iterator[StationarySigna
 def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
     """One-sided cross-spectral density of two signals by Welch's method.
 
-    Segments overlap by half, lose their means and are seen through a Hann window.
+    Segments overlap by half and have a Hann window; their means are removed.
 
     Parameters
     ----------
     x, y : (nt,) samples at equal steps.
     rate : of the samples, Hz.
-    length : of a segment, samples.
+    length : samples in a segment.
 
     Returns
     -------
@@ -303,7 +303,7 @@ def cross_density(x: Floats, y: Floats, rate: float, length: int) -> Complexes:
 
 
 def statistics_of(x: Floats, rate: float) -> dict[str, float]:
-    """Values of `RANDOM` of samples (nt,) at a rate in Hz, the density apart."""
+    """Values of `RANDOM` for samples (nt,) at a rate in Hz, without the density."""
     mean, deviation = float(x.mean()), float(x.std())
     unknown = float("nan")
     y = (x - mean) / deviation if deviation > 0 else np.zeros(x.size)
@@ -325,13 +325,13 @@ def statistics_of(x: Floats, rate: float) -> dict[str, float]:
 
 
 def sampling_errors(signal: Mapping[str, Any]) -> dict[str, float]:
-    """Half of the 95 % interval of what few peaks decide, over its size, by its name; none of a signal that rests.
+    """Half the relative 95 % interval of values that few peaks decide, by name; empty for a signal at rest.
 
     A Gaussian signal has half as many independent peaks as degrees of freedom.
 
     Parameters
     ----------
-    signal : its values by name, degrees_of_freedom None or NaN where it rests.
+    signal : values of the signal by name; degrees_of_freedom is None or NaN at rest.
     """
     n = signal.get("degrees_of_freedom")
     if n is None or not n > 0.0:
@@ -347,11 +347,11 @@ def sampling_errors(signal: Mapping[str, Any]) -> dict[str, float]:
 
 
 def crossing_rates(x: Floats, rate: float) -> Floats:
-    """Upward crossings per second of each of `LEVELS` by samples (nt,) at a rate in Hz; zeros without any motion."""
+    """Upward crossings per second of each of `LEVELS` by samples (nt,) at a rate in Hz; zero without motion."""
     deviation = float(x.std())
     if deviation == 0.0:
         return np.zeros(LEVELS.size)
-    below = np.searchsorted(LEVELS, (x - x.mean()) / deviation, side="right")  # levels that are not above each sample
+    below = np.searchsorted(LEVELS, (x - x.mean()) / deviation, side="right")  # number of levels below each sample
     rising = below[1:] > below[:-1]
     crossed = np.bincount(below[:-1][rising], minlength=LEVELS.size + 1).cumsum()
     passed = np.bincount(below[1:][rising], minlength=LEVELS.size + 1).cumsum()
@@ -367,7 +367,7 @@ def rms_interval(x: Floats) -> dict[str, float]:
     from scipy.special import chdtri
 
     y = x - x.mean()
-    # a transform takes up to ten times as long where the number of samples has large prime factors
+    # a transform takes up to ten times as long if the number of samples has large prime factors
     of_spectrum = y if y.size < _LONG_RECORD else y[: prev_fast_len(y.size, real=True)]
     lines = np.fft.rfft(of_spectrum)[1:]
     power = lines.real**2 + lines.imag**2
@@ -385,22 +385,22 @@ def rms_interval(x: Floats) -> dict[str, float]:
 
 
 class Compression(NamedTuple):
-    """A snubber between a structure and its stand: what is stored where the structure is turned back."""
+    """Snubber between a structure and its mounting: stored energy at a turning point."""
 
     law: ContactLaw
-    stiffness: float  # N/m, static, of the structure at the snubber; 0 where it moves freely
+    stiffness: float  # N/m, static stiffness of the structure at the snubber; 0 if it moves freely
     penetration: float  # m, mean
     force: float  # N, mean
 
     def energy(self, force: float) -> float:
-        """J, at a peak of the force, N; see the module."""
+        """Energy at a peak of the force (N), J; see the module."""
         return self._stored_energy(self.law.static_penetration(force))
 
     def largest(self, energy: float) -> float:
-        """Force, N, at the peak that has an energy, J; that where the energy is least for a smaller one."""
+        """Force at the peak with a given energy (J), N; the force of least energy if the energy is smaller."""
         from scipy.optimize import brentq
 
-        # from the larger of the two on it grows with the penetration, as no law becomes weaker
+        # from the larger one on, the energy grows with penetration, since no law softens
         low = max(self.penetration, self.law.static_penetration(self.force) if self.force > 0.0 else 0.0)
         high, step = low, abs(self.penetration)
         while self._stored_energy(high) < energy:
@@ -417,27 +417,27 @@ class Compression(NamedTuple):
 
 
 def _compression(system: StructuralSystem, histories: Dataset, name: str, first: int) -> Compression | None:
-    """A snubber of a run, and the structure behind it, with means from a sample on; None without one."""
+    """Snubber of a run with the structure's stiffness, and means from a sample on; None if there is none."""
     if name not in histories.labels("snubber"):
         return None
     contacts, omega2 = system.dynamics.contacts, system.dynamics.stiffness
     j = [each.name for each in system.snubbers].index(name)
     with np.errstate(divide="ignore", invalid="ignore"):
-        compliance = float(np.nansum(contacts.shape[j] ** 2 / omega2))  # infinite of a body that moves freely there
+        compliance = float(np.nansum(contacts.shape[j] ** 2 / omega2))  # infinite for a body that moves freely there
     of_snubber = (histories[f"snubber_{each}"].sel(snubber=name).values for each in ("penetration", "force"))
     means = [float(values[first:].mean()) for values in of_snubber]
     return Compression(contacts.laws[j], 1.0 / compliance, *means)
 
 
 class Magnitude(NamedTuple):
-    """A signal of which the largest value is expected."""
+    """Signal whose largest value is estimated."""
 
     samples: Floats  # (nt,)
-    one_sided: bool = False  # whether the largest value counts, and not the largest magnitude
-    compression: Compression | None = None  # of the snubber whose force it is
+    one_sided: bool = False  # True: largest value; False: largest magnitude
+    compression: Compression | None = None  # of the snubber, if the signal is its force
 
     def peaks(self, freedom: float) -> tuple[float, Floats]:
-        """The mean from which it departs, and the largest values of (N,) segments."""
+        """Mean of the signal, and the largest values of the (N,) segments."""
         mean = float(self.samples.mean())
         if self.one_sided:
             return mean, _segment_peaks(self.samples, freedom)
@@ -445,17 +445,17 @@ class Magnitude(NamedTuple):
 
 
 def largest_of_test(signal: Magnitude, freedom: float, samples: float) -> dict[str, Any]:
-    """Largest magnitude that a stationary signal is expected to reach in a test, and its interval.
+    """Expected largest magnitude of a stationary signal in a test, with its interval.
 
     Parameters
     ----------
-    signal : in the record.
+    signal : signal of the record.
     freedom : degrees of freedom of its mean square.
-    samples : of the whole test.
+    samples : number of samples of the whole test.
 
     Returns
     -------
-    Values of `RANDOM`: the reason where the record does not say enough; none of a signal that rests.
+    Values of `RANDOM`, or the reason if the record is not sufficient; empty for a signal at rest.
     """
     (x, _, compression), (mean, peaks) = signal, signal.peaks(freedom)
     if peaks.size == 0 and freedom:
@@ -463,15 +463,15 @@ def largest_of_test(signal: Magnitude, freedom: float, samples: float) -> dict[s
     if peaks.max(initial=0.0) <= 0.0:
         return {}
     if peaks.min() <= (mean if compression is None else 0.0):
-        return {UNKNOWN: "a part of the record is without it"}
+        return {UNKNOWN: "it is zero in a part of the record"}
     bounded = np.sort(peaks)[-2:]
-    if np.ptp(bounded) <= SAME_PEAK * bounded[1]:  # the limit of a force that gives way
+    if np.ptp(bounded) <= SAME_PEAK * bounded[1]:  # a force that yields has a bound
         return dict.fromkeys(EXPECTED, float(bounded[1]))
     if compression is None:
         found = mean + np.sqrt(_extrapolate((peaks - mean) ** 2, samples / x.size))
         return dict(zip(EXPECTED, found.tolist(), strict=True))
     energies = np.array([compression.energy(peak) for peak in peaks.tolist()])
-    if not np.isfinite(energies).all():  # more than the law gives
+    if not np.isfinite(energies).all():  # more than the law can produce
         return {UNKNOWN: "most of it is the force of a dashpot"}
     return {
         name: compression.largest(energy)
@@ -480,20 +480,20 @@ def largest_of_test(signal: Magnitude, freedom: float, samples: float) -> dict[s
 
 
 def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: float) -> float:
-    """How many times as long a record has to be for the interval of the largest value not to span a limit.
+    """Factor by which a record must be longer so that the interval of the largest value does not contain a limit.
 
-    A longer record has more segments, up to the most that are taken, and then longer ones, of which the largest value
-    grows as that of exponential energies does. Location, scale and shape are those of this record.
+    A longer record has more segments, up to the largest number, and then longer ones, whose largest value grows like
+    that of exponential energies. Location, scale and shape are those of this record.
 
     Parameters
     ----------
-    signal, freedom, samples : as of `largest_of_test`, which knows the interval.
-    limit : inside the interval, in the unit of the signal.
+    signal, freedom, samples : as in `largest_of_test`, whose result has the interval.
+    limit : limit inside the interval, in the unit of the signal.
 
     Returns
     -------
     float
-        Above 1; infinite where the largest value itself scatters so much from test to test that no record decides.
+        Above 1; infinite if the largest value itself varies so much between tests that no record is long enough.
     """
     (x, _, compression), (mean, peaks) = signal, signal.peaks(freedom)
     if compression is None:
@@ -503,11 +503,11 @@ def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: flo
         energy = compression.energy(limit)
     segments = energies.size
     energies = _independent(energies)
-    joined = segments / energies.size  # of which one peak each is independent
+    joined = segments / energies.size  # number of segments with one independent peak each
     place, scale, skewness = _moments(np.sort(energies))
     for share in 2.0 ** np.arange(0.5, np.log2(MOST_TIMES_AS_LONG), 0.5):
         count = int(min(share * freedom / FREEDOM_OF_SEGMENT, MOST_SEGMENTS) / joined)
-        longer = share * energies.size / count  # segments
+        longer = share * energies.size / count  # number of segments
         pivot = _pivots(count, count * samples / x.size / share, skewness)
         low, high = place + scale * (np.log(longer) / np.log(2.0) + pivot[1:])
         if not low <= energy < high:
@@ -516,13 +516,13 @@ def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: flo
 
 
 def _limit_on_peak(scenario: Scenario, signal: Mapping[str, Any]) -> float:
-    """The lowest limit on the peaks of a signal, SI; nan without any."""
+    """Lowest limit on the peaks of a signal, SI; nan without a limit."""
     limits = {} if scenario.limits is None else scenario.limits.values_by_name
     return min((limit for name, limit in limits.items() if _on_peak(name, signal)), default=math.nan)
 
 
 def _largest_in_run(found: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
-    """The largest magnitude of a signal in the run, between samples, too; 0 of the input, which is known anyway."""
+    """Largest magnitude of a signal in the run, also between samples; 0 for the input."""
     for name, value in LIMITED.items():
         if _on_peak(name, signal) and value.entry in found:
             of_places = found[value.entry]
@@ -531,26 +531,26 @@ def _largest_in_run(found: Mapping[str, Any], signal: Mapping[str, Any]) -> floa
 
 
 def _on_peak(limit: str, signal: Mapping[str, Any]) -> bool:
-    """Whether a limit, by its name, is on the peaks of a signal."""
+    """True if a limit (given by name) applies to the peaks of a signal."""
     value, place = parse_limit(limit)
     return value.on_peak_of(signal) and place in ("", signal["name"])
 
 
 def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | None) -> Margins:
-    """Margins of a run with a stationary input, with those on peaks by the largest values of the test.
+    """Margins of a run with a stationary input; limits on peaks use the largest values of the test.
 
-    Without run.test_duration they are by what the run reached, and marked so.
+    Without run.test_duration they use the values of the run, and are marked so.
 
     Parameters
     ----------
-    scenario : with a stationary input.
-    compared : margins of the values that the run reached.
-    random : statistics of the record; None of one that is too short.
+    scenario : scenario with a stationary input.
+    compared : margins of the values of the run.
+    random : statistics of the record; None if it is too short.
 
     Returns
     -------
     Margins
-        Where the largest value of a test is not known, and the run has not exceeded the limit, the range is open.
+        If the largest value of a test is not known, and the run does not exceed the limit, the range is open.
     """
     run, found = not_none(scenario.run), dict(compared)
     signals = [] if random is None else random.rows("signal")[1:]
@@ -564,7 +564,7 @@ def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | Non
         known = [_in_test(run, item, signal) for signal in of_limit if not signal.get(UNKNOWN)]
         if known and len(known) == len(of_limit):
             found[name] = item | max(known, key=itemgetter("value"))
-        else:  # the largest value of the test is not known
+        else:  # the largest value of the test is unknown
             found[name] = item | {"statistic": REACHED, "highest": math.inf}
     return with_verdicts(found)
 
@@ -575,7 +575,7 @@ def _known(value: float | None) -> bool:
 
 def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> dict[str, Any]:
     """Margin of one signal whose largest value in the test is known."""
-    rests = not _known(signal.get(EXPECTED[0]))  # at what it reached
+    rests = not _known(signal.get(EXPECTED[0]))  # the signal is at rest
     still = max(abs(float(signal["highest"])), abs(float(signal["lowest"])))
     median, low, high = (still if rests else float(signal[name]) for name in EXPECTED)
     test = "largest value in run.test_duration"
@@ -600,13 +600,13 @@ def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> di
 
 
 def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Outcome:
-    """The outcome of a run, which is incomplete where largest values of a test were asked for and are not reliable.
+    """Mark the outcome of a run as incomplete if requested largest values of the test are not reliable.
 
     Parameters
     ----------
-    outcome : of the motion.
-    random : statistics of the record; None of one that is too short.
-    settings : of the run.
+    outcome : outcome of the motion.
+    random : statistics of the record; None if it is too short.
+    settings : settings of the run.
     """
     unknown = {} if random is None else random.by_label(UNKNOWN)
     reasons = {why.item(): signal for signal, why in reversed(unknown.items()) if why.item()}
@@ -622,13 +622,13 @@ def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Ou
 def _beyond_record(
     result: RunResult, system: StructuralSystem, first: int, samples: float
 ) -> dict[tuple[str, str], str]:
-    """Why a test may be unlike its record, by name and quantity of the force of the contact that is the reason.
+    """Reasons why a test may be unlike its record, by name and quantity of the contact force that changes.
 
     Parameters
     ----------
-    result, system : of the run.
-    first : sample with which the record begins.
-    samples : of the whole test.
+    result, system : result and system of the run.
+    first : first sample of the record.
+    samples : number of samples of the whole test.
     """
     histories = result["histories"]
     pressed = histories.by_label("snubber_penetration")
@@ -656,18 +656,18 @@ def _beyond_record(
 
 
 def _segment_peaks(x: Floats, freedom: float) -> Floats:
-    """(N,) largest values of the segments of samples (nt,); empty where there are too few."""
+    """(N,) largest values of the segments of samples (nt,); empty if there are too few."""
     count = int(min(freedom // FREEDOM_OF_SEGMENT, MOST_SEGMENTS))
     return np.array([part.max() for part in np.array_split(x, count)] if count >= FEWEST_SEGMENTS else [])
 
 
 def _extrapolate(energies: Floats, longer: float) -> Floats:
-    """(3,) median and interval of the largest energy of a test from those of segments (N,) of a record.
+    """(3,) median and interval of the largest energy of a test, from those of segments (N,) of a record.
 
     Parameters
     ----------
-    energies : in the order of time, J or the square of a unit.
-    longer : the test over the record.
+    energies : energies in order of time, J or the square of a unit.
+    longer : duration of the test over that of the record.
     """
     energies = _independent(energies)
     place, scale, skewness = _moments(np.sort(energies))
@@ -675,13 +675,13 @@ def _extrapolate(energies: Floats, longer: float) -> Floats:
 
 
 def _pivots(count: int, segments: float, skewness: Floats) -> Floats:
-    """(3,) median and interval of (largest of a test - location) / scale, of drawn records with alike skewness.
+    """(3,) median and interval of (largest of a test - location) / scale, for random records of similar skewness.
 
     Parameters
     ----------
-    count : of segments of the record.
-    segments : of the test.
-    skewness : of the record, the ratio of its third to its second L-moment.
+    count : number of segments of the record.
+    segments : number of segments of the test.
+    skewness : ratio of the third to the second L-moment of the record.
     """
     of_draws, pivots = _drawn_records(count, segments)
     alike, tail = DRAWS // 10, 0.5 * (1.0 - CONFIDENCE)
@@ -690,7 +690,7 @@ def _pivots(count: int, segments: float, skewness: Floats) -> Floats:
 
 
 def _independent(peaks: Floats) -> Floats:
-    """Peaks of segments (N,), joined in pairs as long as neighbours are high together."""
+    """Peaks of segments (N,), merged in pairs while neighbours are high together."""
     while peaks.size >= 2 * FEWEST_SEGMENTS:
         about = peaks - peaks.mean()
         if about[1:] @ about[:-1] <= 0.0:
@@ -701,7 +701,7 @@ def _independent(peaks: Floats) -> Floats:
 
 
 def _moments(x: Floats) -> tuple[Floats, Floats, Floats]:
-    """The first two L-moments and the ratio of the third to the second, of samples (..., N) in rising order."""
+    """First two L-moments, and the ratio of the third to the second, of sorted samples (..., N)."""
     count = x.shape[-1]
     i = np.arange(count)
     mean, first = x.mean(axis=-1), x @ i / (count * (count - 1))
@@ -711,8 +711,7 @@ def _moments(x: Floats) -> tuple[Floats, Floats, Floats]:
 
 @cache
 def _drawn_records(count: int, segments: float) -> tuple[Floats, Floats]:
-    """(DRAWS,) ratio of the third to the second L-moment of drawn records, rising, and the largest value of a test less
-    the mean of the record, over the second."""
+    """(DRAWS,) sorted ratios of the third to the second L-moment of random records, and scaled largest values."""
     generator = np.random.default_rng(0)
     shape = generator.uniform(-0.3, 0.25, size=(DRAWS, 1))
     passed = generator.exponential(size=(DRAWS, count + 1))

@@ -1,4 +1,4 @@
-"""The result of `beamsim run`."""
+"""Result of ``beamsim run``."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ from beamsim.system.structural import MODES
 from beamsim.typing import Floats
 
 MAIN_QUANTITY = "absolute_acceleration"  # of probes
-ALLOWED_REMAINDER = 0.02  # of a line that is one steady line
+ALLOWED_REMAINDER = 0.02  # of a steady line
 STATISTICS = ("rms", "crest_factor", "kurtosis", "crossing_rate_hz", "peaks_over_2_sigma", "peaks_over_3_sigma")
 _FREQUENCY = ("frequency_hz",)
 
 
 def over_limit(frequency_hz: Floats, spectra: Iterable[tuple[str, Floats, Floats]]) -> dict[str, tuple[float, float]]:
-    """By name the largest ratio of a spectrum to its limit, and the frequency there.
+    """Largest ratio of each spectrum to its limit, and its frequency, by name.
 
     Parameters
     ----------
     frequency_hz : (nf,) Hz.
-    spectra : name, values (nf,) and limit (nf,) of each, nan where there is none.
+    spectra : name, values (nf,) and limit (nf,) of each; nan where there is no limit.
     """
     ratios = {name: values / limit for name, values, limit in spectra if not np.isnan(limit).all()}
     known = {name: (ratio, int(np.nanargmax(ratio))) for name, ratio in ratios.items() if np.isfinite(ratio).any()}
@@ -63,7 +63,7 @@ def over_limit(frequency_hz: Floats, spectra: Iterable[tuple[str, Floats, Floats
 
 
 def highest_of_srs(srs: Dataset) -> dict[str, dict[str, float]]:
-    """Highest point of each maximax spectrum in g and its frequency, by signal."""
+    """Highest point of each maximax spectrum, in g, and its frequency, by signal."""
     highest = {name: (x.values, int(x.values.argmax())) for name, x in srs.by_label("maximax").items()}
     frequency = srs["frequency_hz"].values
     return {
@@ -73,7 +73,7 @@ def highest_of_srs(srs: Dataset) -> dict[str, dict[str, float]]:
 
 
 def srs_over_limit(srs: Dataset) -> dict[str, tuple[float, float]]:
-    """By name the largest ratio of a maximax spectrum to its limit curve, and the frequency there, Hz."""
+    """Largest ratio of each maximax spectrum to its limit curve, and its frequency, Hz, by name."""
     if "limit" not in srs:
         return {}
     spectra = zip(srs["name"].values.tolist(), srs["maximax"].values, srs["limit"].values, strict=True)
@@ -81,7 +81,7 @@ def srs_over_limit(srs: Dataset) -> dict[str, tuple[float, float]]:
 
 
 def misfit_of_matched(matched: Dataset) -> dict[str, float]:
-    """Where the record of a matched base motion is farthest below and above its curve, and the band."""
+    """Largest deviations of a matched base motion below and above its curve, and the band."""
     misfit, frequency = matched["misfit_db"].values, matched["frequency_hz"].values
     return {
         "lowest_db": float(misfit.min()),
@@ -206,7 +206,7 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RunResult(Result):
-    """Everything `beamsim run` computes."""
+    """Result of ``beamsim run``."""
 
     KIND = "run"
     SUMMARY = _SUMMARY
@@ -217,14 +217,14 @@ class RunResult(Result):
 
     @property
     def root_mean_squares(self) -> dict[str, dict[str, float]]:
-        """Those of the responses to a stationary random input, by entry (see `beamsim.results.values`) and name."""
+        """Root mean squares of responses to a stationary input, by entry (see `beamsim.results.values`) and name."""
         entries: dict[str, dict[str, float]] = {}
         for row in self["random"].rows("signal")[1:] if "random" in self.datasets else ():
             entries.setdefault(f"rms_{row['quantity']}", {})[row["name"]] = row["rms"]
         return entries
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
-        """That of values which the name does not say; see `Result.unit_of`."""
+        """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if entry.name == "inputs" and keys == ("rms",):
             return str(record["unit"])
         if entry.name in ("random", "random_linear") and keys[0] not in RATIOS:

@@ -1,21 +1,19 @@
-r"""Derivatives of a run's values by numbers of its scenario: which number matters.
+r"""Derivatives of a run's values by numbers of its scenario.
 
-A number changes the system that is built from it. Its derivative is that of systems built on both sides, by differences
-of fourth order, in coordinates that are turned to those of the run: the orthogonal factor of :math:`V_0^T M V` does not
-depend on signs, order and mixing of modes. Along the motion the one pass of :mod:`beamsim.flow.variational` goes on
-with it exactly, from event to event. A peak :math:`x = D v` of an output, v being the state and the inputs, has
+A number changes the system that is built from it. Its derivative follows from systems built on both sides, by
+fourth-order differences, in coordinates rotated to those of the run: the orthogonal factor of :math:`V_0^T M V` does
+not depend on signs, order and mixing of modes. Along the motion, :mod:`beamsim.flow.variational` propagates it exactly
+from event to event. A peak :math:`x = D v` of an output, with v the state and the inputs, has
 
 .. math:: dx/dp = D\, \partial_p v + \partial_p D\, v + \dot x\, \partial_p t,
 
-where its time moves with an event, or :math:`\dot x = 0`; a time in contact changes with the times of its events.
+if its time moves with an event, otherwise :math:`\dot x = 0`; a time in contact changes with the times of its events.
 
-A contact at whose event the guard has the rate g' and the second derivative g'' is only grazed after a change of the
-number by about :math:`|g' / (2 g''\, \partial_p t)|`, and one that stays open at a distance is touched after about
-that over the distance's derivative. One that begins or ends near the end of the record leaves it when its time has
-moved that far, and what is about to happen there enters it. Beyond, the motion has other contacts, of which no
-derivative tells. A peak is the
-largest of many extremes, which all have their derivatives: where they cross, another one takes over
-(:mod:`beamsim.results.competition`).
+A contact whose guard has the rate g' and the second derivative g'' at its event only grazes after a change of the
+number by about :math:`|g' / (2 g''\, \partial_p t)|`; a contact that stays open at a distance closes after about that
+distance over its derivative. A contact near the end of the record leaves or enters the record when its time has moved
+that far. Beyond such changes the contact sequence differs, and no derivative applies. A peak is the largest of many
+extremes, each with derivatives: where they cross, another one takes over (:mod:`beamsim.results.competition`).
 """
 
 from __future__ import annotations
@@ -46,24 +44,24 @@ from beamsim.system.reduced_model import ReducedModel, SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
-STEP = 2.0**-11  # of a number, or of the tolerance of one that is zero, between the systems that are built
-SIDES = (1, -1, 2, -2)  # steps to the neighbouring systems that are built
+STEP = 2.0**-11  # relative to a number, or to the tolerance of one that is zero: distance of neighbouring systems
+SIDES = (1, -1, 2, -2)  # positions of the neighbouring systems, in steps
 BOTH = (
     0.0,
     8.0 / 12.0,
     -8.0 / 12.0,
     -1.0 / 12.0,
     1.0 / 12.0,
-)  # weights of differences: of the run's own system, and of those
+)  # weights of central differences: own system, then neighbours
 AHEAD = (-1.5, 2.0, 0.0, -0.5, 0.0)
-APART = 1.5  # ratio of frequencies from which on modes have coordinates of their own
-GRAZING = 1e-9  # of a number: a contact that so small a change takes away is only grazed
+APART = 1.5  # ratio of frequencies above which modes are not mixed
+GRAZING = 1e-9  # relative to a number: a contact that such a change removes only grazes
 GRAZED = "is only grazed"
-BEND = 0.01  # of a derivative, by which that on one side may differ from it
+BEND = 0.01  # relative difference of a one-sided derivative that counts as a kink
 
 
 class Derivative(NamedTuple):
-    """How a value of a run changes with a number of its scenario; a row of `SENSITIVITIES`."""
+    """Change of a value of a run with a number of its scenario; a row of `SENSITIVITIES`."""
 
     response: str
     value: float
@@ -81,24 +79,24 @@ class Derivative(NamedTuple):
 
 
 Near = tuple[float, float, Floats]
-"""Time, s, of a contact that nearly changes, how far it is from that, and the derivatives (P,) of that."""
+"""Time of a contact that nearly changes, s, its distance from the change, and its derivatives (P,)."""
 
 
 class Reach(NamedTuple):
-    """How far a number changes until a contact begins or ends."""
+    """Change of a number at which a contact begins or ends."""
 
     change: float
-    time: float  # s, of that contact
-    what: str  # happens to it
+    time: float  # s, time of the contact
+    what: str  # description of the change
 
 
 def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | None, list[str]]:
-    """The derivatives of a run's values by the numbers that it names, and warnings about them.
+    """Derivatives of a run's values by the numbers that it lists, and warnings.
 
     Parameters
     ----------
-    scenario : of the run.
-    motion : of it; of one that is not complete there are none.
+    scenario : scenario of the run.
+    motion : motion of the run; no derivatives if it is incomplete.
 
     Returns
     -------
@@ -107,7 +105,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
     Raises
     ------
     ScenarioError
-        Where the motion is not known in closed form as a whole, or a number changes the size of the model.
+        If the motion is not known completely in closed form, or a number changes the size of the model.
     """
     settings, system, whole = not_none(scenario.run), motion.system, motion.trajectory
     if whole is None or whole.time[0] > 0.0:
@@ -117,13 +115,13 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
     if not motion.outcome.complete:
         return None, ["run.sensitivities are left out: the motion is not complete"]
     trajectory, filtered = whole.with_all_states(), settings.low_pass is not None
-    # a peak behind a filter is none of the motion
+    # a filtered peak does not belong to the motion
     chosen = [v for v in VALUES if v.of is not None and not (filtered and v.key == ACCELERATION)]
     numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]
     along = LocalExtremes(trajectory, _linear(system, chosen))
     plain = with_values(scenario, {("run", "sensitivities"): ()})
     pairs = [_variation_of_number(plain, system, along, chosen, number) for number in numbers]
-    varied = [each for of in zip(*pairs, strict=True) for each in of]  # from both sides, then from one
+    varied = [each for of in zip(*pairs, strict=True) for each in of]  # two-sided, then one-sided
     everywhere = [
         of for of, place in map(parse_limit, scenario.limits.values_by_name if scenario.limits else ()) if not place
     ]
@@ -151,18 +149,18 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
 
 
 def _tolerance(number: VariedParameter) -> float:
-    """To either side, in the unit of the number."""
+    """Tolerance on either side, in the unit of the number."""
     return 0.5 * (number.high - number.low)
 
 
 def _derivative(number: VariedParameter, of: Contenders, each: Competition, holds: float) -> Derivative:
-    """The row of a value and a number.
+    """Row of a value and a number.
 
     Parameters
     ----------
-    number, of : the number and the value.
-    each : how the value changes with the number.
-    holds : the smallest change of the number that makes or takes away a contact.
+    number, of : number, and value with its derivatives.
+    each : change of the value with the number.
+    holds : smallest change of the number that adds or removes a contact.
     """
     return Derivative(
         of.name, float(of.values[0]), of.unit, each.derivative, each.derivative_below, each.derivative_above,
@@ -172,13 +170,13 @@ def _derivative(number: VariedParameter, of: Contenders, each: Competition, hold
 
 
 def _bends(every: Iterable[Contenders], p: int, ahead: int, tolerance: float) -> Iterator[tuple[float, str]]:
-    """Shares of derivatives by which those from one side of the number differ, with the names of the values.
+    """Relative differences of one-sided derivatives, with the names of the values.
 
     Parameters
     ----------
     every : the values.
-    p, ahead : columns of the derivatives from both sides and from one.
-    tolerance : of the number.
+    p, ahead : columns of the two-sided and the one-sided derivatives.
+    tolerance : tolerance of the number.
     """
     for of in every:
         both, one = float(of.slopes[0, p]), float(of.slopes[0, ahead])
@@ -187,11 +185,11 @@ def _bends(every: Iterable[Contenders], p: int, ahead: int, tolerance: float) ->
 
 
 def _competition_notes(noted: Sequence[tuple[VariedParameter, Contenders, Competition]]) -> Iterator[str]:
-    """A note on the values for which extremes compete: the nearest with both derivatives, and how many others.
+    """Note on values with competing extremes: the closest one with both derivatives, and the number of others.
 
     Parameters
     ----------
-    noted : numbers, these values, and how they change with the number.
+    noted : numbers, values, and changes of the values.
     """
     if not noted:
         return
@@ -209,7 +207,7 @@ def _competition_notes(noted: Sequence[tuple[VariedParameter, Contenders, Compet
 
 
 def _per(unit: str, other: str) -> str:
-    """The unit of a derivative.
+    """Unit of a derivative.
 
     >>> _per("N", "N/m"), _per("m", "m"), _per("m", "1"), _per("1", "kg")
     ('N/(N/m)', '1', 'm', '1/kg')
@@ -222,15 +220,14 @@ def _per(unit: str, other: str) -> str:
 def _reaches_of_number(
     found: MotionDerivative, log: Log, missed: Iterable[Near], beyond: Iterable[Near], p: int
 ) -> Iterator[Reach]:
-    """Changes of a number with which contacts begin or end that the motion does not have, or do not any more.
+    """Changes of a number at which contacts appear in, or disappear from, the motion.
 
     Parameters
     ----------
     found, log : derivatives along segments.
-    missed : times, s, at which an open contact is near, its distance, and the derivatives of that.
-    beyond : ends of the record at which a contact is about to change, the function that is zero then, and its
-        derivatives.
-    p : which number.
+    missed : times of closest approach of open contacts, s, distances, and their derivatives.
+    beyond : ends of the record with a contact about to change, the event function, and its derivatives.
+    p : index of the number.
     """
     yield Reach(np.inf, 0.0, "")
     end = float(log.time[-1] + log.length[-1])
@@ -245,13 +242,13 @@ def _reaches_of_number(
 
 
 def _derivative_limits(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: Reach) -> Iterator[str]:
-    """Reasons why the derivatives by a number hold only within a range.
+    """Reasons why the derivatives by a number are valid only within a range.
 
     Parameters
     ----------
-    number : from the scenario.
-    bends : shares of derivatives by which those on one side differ, with the names of the values.
-    holds : the smallest change of the number that makes or takes away a contact.
+    number : number of the scenario.
+    bends : relative differences of one-sided derivatives, with the names of the values.
+    holds : smallest change of the number that adds or removes a contact.
     """
     if bent := [each for each in bends if each[0] > BEND]:
         bend, name = max(bent)
@@ -267,24 +264,24 @@ def _derivative_limits(number: VariedParameter, bends: Iterable[tuple[float, str
         yield f"{at}: the derivatives of what follows are infinite"
     elif holds.change < _tolerance(number):
         unit = "" if number.unit == "1" else f" {number.unit}"
-        yield f"{at} where it changes by {holds.change:.3g}{unit}: the derivatives hold for smaller changes"
+        yield f"{at} if it changes by {holds.change:.3g}{unit}: the derivatives are valid for smaller changes"
 
 
 def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
-    """The channels of values; energies have none."""
+    """Channels of values; energies have none."""
     return searched_channels(system.channels, chosen).select(lambda channel: not channel.squared)
 
 
 def _variation_of_number(
     scenario: Scenario, system: StructuralSystem, along: LocalExtremes, chosen: Sequence[Value], number: VariedParameter
 ) -> tuple[Variation, Variation]:
-    """Effect of a number, from systems built on both sides of its value, or on one side alone.
+    """Effect of a number, from systems built on both sides of its value, or on one side only.
 
     Parameters
     ----------
-    scenario, system, along : of the run.
-    chosen : values of whose channels there are rows.
-    number : from the scenario.
+    scenario, system, along : scenario, system and extremes of the run.
+    chosen : values whose channels are needed.
+    number : number of the scenario.
     """
     shared = system.model.shared
     own, step = along.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
@@ -306,18 +303,18 @@ def _variation_of_number(
 def _neighbouring_flow(
     scenario: Scenario, flow: ExactFlow, number: VariedParameter, change: float, shared: SharedBuilds
 ) -> tuple[StructuralSystem, ExactFlow]:
-    """The system for another value of a number, and its flow.
+    """System for another value of a number, and its flow.
 
     Parameters
     ----------
-    scenario, flow : of the run.
-    number, change : from the scenario, and by how much it differs.
-    shared : what systems of the run are built from.
+    scenario, flow : scenario and flow of the run.
+    number, change : number of the scenario, and its change.
+    shared : cache of built systems.
 
     Raises
     ------
     ScenarioError
-        Where the value is refused, or the model has another size.
+        If the value is refused, or the model has another size.
     """
     try:
         values = dict.fromkeys(number.places, float(number.nominal) + change)
@@ -339,17 +336,17 @@ def _neighbouring_flow(
 
 
 def _rotation_between(flow: ExactFlow, other: ExactFlow) -> float:
-    """rad, by how much inputs of two flows turn against one another where a piece of them begins: far at a late one."""
+    """Angle in rad between the inputs of two flows at the start of a piece; it can be large at late pieces."""
     own, changed = flow.sources, other.sources
     faster, later = np.abs(changed.exponent - own.exponent), np.abs(changed.start - own.start)
     return float(faster.max() * own.start.max() + np.abs(own.exponent).max() * later.max())
 
 
 def _turn(own: ReducedModel, other: ReducedModel) -> Floats:
-    """(n, n) orthogonal: the coordinates of a system for a unit of each of a neighbouring one.
+    """(n, n) orthogonal matrix: coordinates of a system for each unit coordinate of a neighbouring one.
 
-    Those whose frequencies are far apart stay apart: turned into one another by round-off, the stiffness of the higher
-    ones would outweigh that of the lower ones.
+    Modes with very different frequencies are not mixed: mixed by round-off, the stiffness of the higher ones would
+    dominate that of the lower ones.
     """
     order = np.argsort(own.omega)
     group = np.empty(order.size, dtype=np.int64)
@@ -360,11 +357,11 @@ def _turn(own: ReducedModel, other: ReducedModel) -> Floats:
 
 
 def _shares(system: StructuralSystem, motion: Trajectory, log: Log, found: MotionDerivative) -> list[Contenders]:
-    """Shares of the time in contact of snubbers with their derivatives.
+    """Time shares in contact of snubbers, with their derivatives.
 
     Parameters
     ----------
-    system, motion : of the run.
+    system, motion : system and motion of the run.
     log : cut segments of the motion.
     found : derivatives along them.
     """

@@ -1,4 +1,4 @@
-"""Shock response spectra of a run: of what it moves, of its probes, and of a base motion that was made for one."""
+"""Shock response spectra of a run: of its moving supports and probes, and of a matched base motion."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from beamsim.typing import Floats, not_none
 
 
 def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> Dataset:
-    """Spectra of the base's acceleration, where it moves, and of the absolute ones of supports that move and of probes.
+    """Spectra of the base acceleration, and of the absolute accelerations of moving supports and of probes.
 
     Parameters
     ----------
-    system : of the run, with ``run.srs``; its probes, and the limits of the spectra.
-    motion : in closed form; or at output times, between which a cubic spline joins the accelerations.
+    system : system of a run with ``run.srs``.
+    motion : closed form; or values at output times, with cubic splines through the accelerations.
 
     Returns
     -------
     Dataset
-        `SRS`: the base's spectrum first, then those of supports.
+        Layout `SRS`: the base's spectrum first, then those of supports.
 
     Raises
     ------
     ScenarioError
-        If the motion is too fast against its duration, see `shock_spectra`.
+        If the motion is too fast for its duration, see `shock_spectra`.
     """
     from scipy.interpolate import CubicSpline
 
@@ -83,14 +83,14 @@ def shock_response(system: StructuralSystem, motion: Trajectory | Histories) -> 
 
 
 def _summed(signals: Sequence[tuple[float, Pieces]], at: Floats) -> Floats:
-    """(nt, 1) sum of signals with their factors at times."""
+    """(nt, 1) weighted sum of signals at given times."""
     return np.asarray(sum(factor * signal(at) for factor, signal in signals))[:, None]
 
 
 def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], list[tuple[float, Pieces]]]]:
-    """Inputs that move along a line, the base first: name and quantity, accelerations with their factors.
+    """Inputs that move along a line, the base first: name and quantity, weighted accelerations.
 
-    A support moves with the base and against it.
+    A support moves with the base and relative to it.
     """
     of_base, model = system.base_acceleration, system.model
     if of_base is not None:
@@ -108,9 +108,9 @@ def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], 
 
 
 def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedInput) -> Dataset:
-    """The spectrum of a base motion that was made for one, whose input stands at a path of the scenario.
+    """Spectrum of a matched base motion, whose input is at a path of the scenario.
 
-    It is that of the motion in closed form, twelve points an octave and at the points of the curve.
+    It is that of the motion in closed form, at twelve points per octave and at the points of the curve.
     """
     at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
     frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
@@ -123,7 +123,7 @@ def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedIn
 
 
 def _end(signal: Callable[[Floats], Floats], end: float) -> float:
-    """When the record of a motion ends: with its pulse, at the latest with the run."""
+    """End of the record of a motion: the end of its pulse, at most the end of the run."""
     if isinstance(signal, Pieces) and not signal.coefficient[-1].any() and signal.start[-1] > 0.0:
         return min(float(signal.start[-1]), end)
     return end

@@ -35,62 +35,62 @@ from beamsim.system.equations import ChannelSet
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
-SAMPLES_OF_A_PERIOD = 2.56  # of the highest frequency: as many as would cover a curve
-HIGHEST_ORDER = 12.5  # of the excitation frequency that is shown at least
-MANY_PIECES = 8  # of the inputs: more are those of a sampled signal
-FLOOR_LINES = 16  # beyond the highest content: a line is recognised by its neighbours
+SAMPLES_OF_A_PERIOD = 2.56  # samples per period of the highest frequency
+HIGHEST_ORDER = 12.5  # of the excitation: least end of a spectrum
+MANY_PIECES = 8  # of the inputs; more belong to a sampled signal
+FLOOR_LINES = 16  # frequencies beyond the highest content: lines are recognised by their neighbours
 FEWEST_SAMPLES = 256
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
-LASTING = 0.8  # the same after a shock, from which on the motion lasts, as stick and slip on a belt that was started
-NEARBY, NEARBY_BINS = 0.01, 3.0  # share of its frequency, and bins, within which a line is found again
+LASTING = 0.8  # the same after a shock, above which the motion persists, such as stick-slip on a belt
+NEARBY, NEARBY_BINS = 0.01, 3.0  # relative distance, and bins, within which a line is matched
 
 
 def spectral(system: StructuralSystem) -> ChannelSet:
-    """The channels of which there are spectra: of probes and of the outputs that are no energies."""
+    """Channels with spectra: probes, and outputs other than energies."""
     outputs = (c.key for c in system.channels.channels if c.section == "outputs" and not c.squared)
     return system.channels.of_keys(ACCELERATION, DISPLACEMENT, *dict.fromkeys(outputs))
 
 
 def is_at_rest(name: str, quantity: str, values: Mapping[str, Any]) -> bool:
-    """Whether a quantity of a probe is 0 but for round-off, of which lines and root mean squares say nothing.
+    """True if a quantity of a probe is zero up to round-off and therefore has no lines.
 
     Parameters
     ----------
-    name, quantity : as a spectrum names them.
-    values : values of the motion or the summary, in which such a peak is 0.
+    name, quantity : as in a spectrum.
+    values : values of the motion or the summary, in which peaks at rest are 0.
 
     Returns
     -------
-    False of other quantities than displacement, absolute acceleration and those of outputs.
+    False for quantities other than displacement, absolute acceleration and those of outputs.
     """
     peak = {"displacement": "peak_displacement_m", MAIN_QUANTITY: "peak_acceleration_g"}.get(quantity, "peak_output")
     return bool(values.get(peak, {}).get(name) == 0.0)
 
 
 class Label(NamedTuple):
-    """Signal to which a spectrum belongs."""
+    """Signal of a spectrum."""
 
-    name: str  # of the probe or output
+    name: str  # name of the probe or output
     quantity: str
     unit: str
 
     @property
     def signal(self) -> str:
-        """Name and quantity."""
+        """Name and quantity of the signal."""
         return f"{self.name} {self.quantity}"
 
 
 def spectra_of(motion: RunMotion, values: Mapping[str, Any]) -> Dataset | None:
-    """Spectra of every probe and output, whatever the output rate; of a time-stepped motion those of its samples.
+    """Spectra of every probe and output, at any output rate; for a time-stepped motion those of its samples.
 
     Parameters
     ----------
-    motion : of which the last part is looked at; its scenario says what is asked for.
-    values : values of the motion; what rests by them has no lines.
+    motion : motion; its last part is analysed as its scenario requests.
+    values : values of the motion; signals at rest have no lines.
 
     Returns
     -------
-    `SPECTRA`; None without a probe and an output.
+    Layout `SPECTRA`; None without probes and outputs.
     """
     system = motion.system
     settings, excitation_hz = not_none(system.scenario.run).spectrum, system.excitation_frequency_hz
@@ -102,10 +102,10 @@ def spectra_of(motion: RunMotion, values: Mapping[str, Any]) -> Dataset | None:
         return _of_stepped(not_none(motion.histories), system, labels, values)
     begin = trajectory.end - analysed_duration(trajectory.end, excitation_hz, settings.last, settings.periods)
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
-    filtered = not_none(system.scenario.run).low_pass is not None  # so are the extremes of accelerations
+    filtered = not_none(system.scenario.run).low_pass is not None  # the extremes of accelerations are filtered, too
     if begin == trajectory.time[0] == 0.0 and not filtered and motion.extremes.keys() >= channels.places.keys():
         low, when_low, high, when_high = np.hstack([motion.extremes[key] for key in channels.places])
-        records[0].part.extrema = Extrema(low, when_low, high, when_high, 0)  # of the whole motion: no second search
+        records[0].part.extrema = Extrema(low, when_low, high, when_high, 0)  # no second search
     windows = [settings.window or _suited_window(system.scenario, record) for record in records]
     kept = system.kept_modes
     residual = np.append(system.open_frequencies_hz[kept:], system.closed_frequencies_hz[kept:])
@@ -125,18 +125,18 @@ def spectra_of_samples(
     time: Floats, samples: Floats, labels: Sequence[Label], settings: SpectrumSettings, excitation_hz: float,
     values: Mapping[str, Any],
 ) -> Dataset:  # fmt: skip
-    """Spectra of the last part of records of samples.
+    """Spectra of the last part of sampled records.
 
     Parameters
     ----------
-    time, samples, excitation_hz : as of `sampled_records`.
-    settings : which part; a Hann window if they name none.
-    labels : (K,) of the signals.
-    values : as of `spectra_of`.
+    time, samples, excitation_hz : as in `sampled_records`.
+    settings : the analysed part; a Hann window by default.
+    labels : (K,) labels of the signals.
+    values : see `spectra_of`.
 
     Returns
     -------
-    `SPECTRA`.
+    Layout `SPECTRA`.
     """
     records = sampled_records(time, samples, excitation_hz, settings.last, settings.periods)
     windows = [settings.window or "hann"] * len(records)
@@ -155,22 +155,23 @@ def _spectra(
     .. math:: A_j = \frac{2}{\sum_n w_n} \Big| \sum_n w_n (x_n - \bar x) e^{-2 \pi i j n / N} \Big|, \quad
               A_0 = |\bar x|, \quad L_j = 20 \log_{10} \frac{A_j}{\max |x|}
 
-    (the line at half the sample rate is not doubled); of a motion in closed form the sums are integrals. The division
-    by :math:`\sum w` corrects the window's coherent gain: a sinusoid on a bin shows its own amplitude with every
-    window. The mean is taken out first, since it would leak into the first bins. Spectra end where the records do.
+    (the line at half the sample rate is not doubled); for a motion in closed form the sums are integrals. The division
+    by :math:`\sum w` corrects the window's coherent gain: a sinusoid on a bin has its own amplitude with every window.
+    The mean is removed first, since it would leak into the first bins. Spectra end where the records do.
 
-    Phases of lines are those of :math:`A \sin(2 \pi f t + \varphi)` with the run's own time; that of the mean is
-    0 or 180 degrees, its sign. The mean is the first line, the others follow by frequency. There are none where a
-    record is not finite.
+    Phases of lines are those of :math:`A \sin(2 \pi f t + \varphi)` with the time of the run; that of the mean is 0 or
+    180 degrees (its sign). The mean is the first line, the others follow by frequency. A record that is not finite has
+    no lines.
 
     Parameters
     ----------
-    labels, records, windows : of each signal, the part that is analysed, and the window of its curve.
-    excitation_hz, rate_hz : Hz, nan where there is no single excitation frequency; Hz, of samples.
-    values : as of `spectra_of`.
-    residual_hz : (r,) Hz, frequencies that the vectors of a reduction's static deflections have, which mean nothing.
-    chosen_hz : Hz, frequencies that are projected on and listed in any case, of the kind "chosen" where no order of the
-        excitation has this frequency; they replace what is nearer than a bin.
+    labels, records, windows : label, analysed part and window of each signal.
+    excitation_hz, rate_hz : Hz, nan without a single excitation frequency; sample rate, Hz.
+    values : see `spectra_of`.
+    residual_hz : (r,) frequencies of static vectors, Hz, which have no physical meaning.
+    chosen_hz : requested frequencies, Hz. They are always listed, with the kind "chosen" unless they are an order of
+        the
+    excitation, and replace lines closer than a bin.
     """
     duration = records[0].duration
     curves, levels = [], [record.levels() for record in records]
@@ -201,14 +202,14 @@ def _spectra(
 
 
 def _line_columns(fit: LineFit, peak: float, excitation_hz: float, duration: float) -> dict[str, Any]:
-    """Columns of the table of lines for those of one signal, the mean first.
+    """Columns of the table of lines for one signal, the mean first.
 
     Parameters
     ----------
-    fit : of the signal.
-    peak : its largest magnitude.
-    excitation_hz : Hz, nan where there is no single excitation frequency.
-    duration : s, of the record.
+    fit : fitted lines of the signal.
+    peak : largest magnitude of the signal.
+    excitation_hz : Hz, nan without a single excitation frequency.
+    duration : duration of the record, s.
     """
     size, remainder, separating = _steadiness(fit, duration)
     frequency = np.array([0.0, *fit.frequency_hz])
@@ -225,7 +226,7 @@ def _line_columns(fit: LineFit, peak: float, excitation_hz: float, duration: flo
 
 
 def _steadiness(fit: LineFit, duration: float) -> tuple[Floats, Floats, Floats]:
-    """(k + 1,) amplitudes of the mean and of lines, what is left near each over it, and s that tell two lines apart."""
+    """(k + 1,) amplitudes of the mean and of lines, their relative remainder, and durations that separate two lines."""
     size = np.abs(np.append(fit.mean, fit.amplitude))
     remainder, separating = np.full(size.size, np.nan), np.full(size.size, np.nan)
     if fit.remainder is not None:
@@ -237,22 +238,22 @@ def _steadiness(fit: LineFit, duration: float) -> tuple[Floats, Floats, Floats]:
 
 
 def _separating_durations(remainder: Remainder, lines: Ints, duration: float) -> Floats:
-    """Durations, s, that tell two lines apart where each of some lines (numbers) is; nan where two explain nothing."""
+    """Durations, s, that would separate two lines at each given line (by index); nan if two lines do not explain it."""
     pairs, _ = remainder.best_pairs([[k] for k in lines.tolist()], [np.nan] * lines.size)
     apart = np.abs(np.diff(pairs)[:, 0])
     return np.asarray(np.where(apart < LOBE, LOBE / apart * duration, np.nan))
 
 
 def coverage_notes(motion: RunMotion) -> list[str]:
-    """A note where spectra do not cover every mode kept.
+    """Note if spectra do not cover every retained mode.
 
     Parameters
     ----------
-    motion : of which there are, or would be, spectra.
+    motion : motion with, or without, computed spectra.
 
     Returns
     -------
-    One sentence, or none.
+    One sentence, or empty.
     """
     system, trajectory = motion.system, motion.trajectory
     if trajectory is None or trajectory.end <= 0.0:
@@ -262,23 +263,23 @@ def coverage_notes(motion: RunMotion) -> list[str]:
     shown, highest = MOST_FREQUENCIES / duration, _highest_mode_hz(system)
     if shown >= highest or _highest_shown(system, trajectory, duration) < shown or not spectral(system).channels:
         return []
-    ends = f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, and the highest mode kept has"
+    ends = f"spectra end at {shown:.4g} Hz, their {MOST_FREQUENCIES}th frequency, but the highest mode has"
     return [f"{ends} {highest:.4g} Hz; analyse a shorter part of the run (run.spectrum.last)"]
 
 
 def _highest_mode_hz(system: StructuralSystem) -> float:
-    """Frequency of the highest mode kept, Hz."""
+    """Highest retained natural frequency, Hz."""
     return float(system.closed_frequencies_hz[: system.kept_modes].max(initial=0.0))
 
 
 def _aliasing_notes(motion: RunMotion) -> list[str]:
-    """A note where spectra are made of samples of a time-stepped motion that do not cover every mode kept."""
+    """Note if spectra of samples of a time-stepped motion do not cover every retained mode."""
     time, highest = not_none(motion.histories).time, _highest_mode_hz(motion.system)
     rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
     if rate >= 2.0 * highest or motion.trajectory is not None or not spectral(motion.system).channels:
         return []
     return [
-        f"spectra are made of samples at {rate:g} Hz, and the highest mode kept has {highest:.4g} Hz: content "
+        f"spectra are made of samples at {rate:g} Hz, but the highest mode has {highest:.4g} Hz: content "
         f"above {0.5 * rate:g} Hz is aliased; raise run.sample_rate"
     ]
 
@@ -287,19 +288,19 @@ def records_of(
     system: StructuralSystem, trajectory: Trajectory, channels: ChannelSet, span: tuple[float, float],
     up_to_hz: float | None = None,
 ) -> list[MotionRecord]:  # fmt: skip
-    """Records of a part of a motion, whose spectra cover the retained modes unless a limit is given.
+    """Records of a part of a motion; their spectra cover the retained modes unless an end is given.
 
     Parameters
     ----------
-    system : whose scenario says what is asked for.
-    trajectory : the motion.
-    channels : linear ones.
-    span : s, begin and end of the part.
-    up_to_hz : Hz, where the spectra end.
+    system : system with the settings of its scenario.
+    trajectory : motion.
+    channels : linear channels.
+    span : start and end of the part, s.
+    up_to_hz : end of the spectra, Hz.
 
     Returns
     -------
-    A record of each channel.
+    One record for each channel.
     """
     duration = span[1] - span[0]
     highest = _highest_shown(system, trajectory, duration) if up_to_hz is None else up_to_hz
@@ -309,9 +310,9 @@ def records_of(
 
 
 def _highest_shown(system: StructuralSystem, trajectory: Trajectory, duration: float) -> float:
-    """Frequency, Hz, at which the spectra of a part of a motion, s, end: where the motion has a meaning, or as asked.
+    """End of the spectra of a part of a motion (duration in s), Hz: as requested, or where the model ends.
 
-    It has one up to the modes kept, and to the excitation.
+    The model covers the retained modes and the excitation.
     """
     settings, kept = not_none(system.scenario.run).spectrum, system.kept_modes
     if kept == system.dynamics.size:  # no static vectors
@@ -330,9 +331,9 @@ def _highest_shown(system: StructuralSystem, trajectory: Trajectory, duration: f
 
 
 def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
-    """Hann for a motion that lasts, ``decaying`` after a shock and for what dies away: its beginning counts."""
+    """Hann for a persistent motion; ``decaying`` after a shock and for decaying motions, whose beginning matters."""
     shock = scenario.excitation.shock
-    if shock or scenario.excitation.highest_frequency_hz == 0.0:  # the others: none, or records
+    if shock or scenario.excitation.highest_frequency_hz == 0.0:  # none, or records
         first, last = record.deviations_of_quarters()
         if last < (LASTING if shock else DECAYED) * first:
             return "decaying"
@@ -340,21 +341,19 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
 
 
 def lines_of_record(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Floats]:
-    """Frequencies (k,), Hz, and amplitudes (k,) of the lines of a signal, the mean first, in another record.
+    """Match the lines of a signal in another record: (k,) frequencies, Hz, and amplitudes, the mean first.
 
-    The lines of the other record are found as those of the signal were. Orders of the excitation keep their frequency,
-    and those that are not locked to it are the same.
-    Any other line is the nearest one of at least half its size, since a natural frequency depends on the model, but no
-    nearer to another line. A line that the other record does not have is fitted at its old frequency, together with
-    those found.
+    The lines of the other record are found by the same method. Orders of the excitation keep their frequency. Any other
+    line corresponds to the closest line of at least half its amplitude (a natural frequency depends on the model) that
+    is not closer to another line. A line without a match is fitted at its old frequency, together with those found.
 
     Parameters
     ----------
-    record : of the other motion.
-    known : `SPECTRA` with the lines of the signal alone.
+    record : record of the other motion.
+    known : `SPECTRA` with the lines of this signal only.
     """
     size, level, every_hz = (known[f"line_{name}"].values for name in ("amplitude", "amplitude_db", "frequency_hz"))
-    if not size.any():  # of a signal that rests
+    if not size.any():  # a signal at rest
         return every_hz, size
     excitation_hz, one_sided = known["excitation_hz"].item(), Window.of_name(known["window"].item()).one_sided
     peak = float(size.max() / 10.0 ** (level[size.argmax()] / 20.0))
@@ -377,8 +376,8 @@ def lines_of_record(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Flo
 
 
 def _kind_of(line: SpectralLine, chosen_hz: Sequence[float], residual_hz: Floats, near_hz: float) -> str:
-    """The kind of a line; one is "residual" that is near to a frequency of a static vector."""
-    if line.order is not None:  # every order that is not whole is a subharmonic one
+    """Kind of a line; "residual" if it is near the frequency of a static vector."""
+    if line.order is not None:  # every order that is not an integer is subharmonic
         whole = "fundamental" if line.order == 1 else "superharmonic"
         return "subharmonic" if line.order.denominator > 1 else whole
     if line.frequency_hz in chosen_hz:

@@ -22,7 +22,7 @@ from beamsim.typing import Floats, Ints, not_none
 
 
 def relative_tolerance(settings: Run) -> float:
-    """The relative tolerance with which a motion is integrated; without run.method: reference a small one."""
+    """Relative tolerance of the time integration; a small one without run.method: reference."""
     return settings.rtol if settings.method == "reference" else min(settings.rtol, 1e-10)
 
 
@@ -33,23 +33,23 @@ def stepped_motion_of(
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> RunMotion:
-    """The motion by time stepping; extremes on the integrator's dense output, contact from its located events.
+    """Integrate a run in time; extremes from the dense output, contacts from located events.
 
     Parameters
     ----------
-    system, settings : of the run.
-    times : (nt,) s, at which it is asked for.
+    system, settings : system and settings of the run.
+    times : (nt,) output times, s.
     progress, stop : see `beamsim.flow.reference.integrate`.
 
     Returns
     -------
     RunMotion
-        Up to where it ended.
+        Motion up to its end.
 
     Raises
     ------
     ScenarioError
-        If the input has too many pieces, or the filter of the accelerations would need too many panels.
+        If the input has too many pieces, or the filter of the accelerations needs too many panels.
     """
     flow = exact_flow(system, settings.duration, settings.most_contact_states, memory=settings.memory)
     outputs = SteppedOutputs(system, flow, times, settings.low_pass)
@@ -89,7 +89,7 @@ def stepped_motion_of(
 
 
 def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run) -> TimeStepping:
-    """How steps are taken; without run.method: reference by one integrator."""
+    """Integrator settings; without run.method: reference a single integrator."""
     return TimeStepping(
         flow, settings.integrator if settings.method == "reference" else "DOP853", relative_tolerance(settings),
         settings.atol, system.cubic, power_factors(flow), settings.max_events,
@@ -97,7 +97,7 @@ def _time_stepping(system: StructuralSystem, flow: ExactFlow, settings: Run) -> 
 
 
 def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTrajectory) -> EnergyHistory:
-    """Energies at the times of the output, those of cubic springs included."""
+    """Energies at the output times, with those of cubic springs."""
     at, y, phases = trajectory.time, trajectory.y, trajectory.phases
     penetration = flow.outputs_of_states(at, y, phases, lambda _: flow.equations.penetration)
     stored = stored_energy(flow.system, y, penetration, phases)
@@ -109,14 +109,14 @@ def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTr
 
 
 class SteppedOutputs:
-    """Shown a motion piece by piece, it keeps the extremes of the channels.
+    """Observer of a time-stepped motion that stores the extremes of the channels.
 
     Parameters
     ----------
-    system : of the channels.
-    flow : of the system.
-    times : (nt,) s, of the output.
-    low_pass : Hz, of the filter of the probes' accelerations.
+    system : system with the channels.
+    flow : flow of the system.
+    times : (nt,) output times, s.
+    low_pass : corner of the filter for probe accelerations, Hz.
     """
 
     def __init__(self, system: StructuralSystem, flow: ExactFlow, times: Floats, low_pass: float | None = None) -> None:
@@ -125,10 +125,10 @@ class SteppedOutputs:
         self.dense = StepExtremes()
         self.acceleration = SteppedChannels(system, flow, system.channels.of_keys(ACCELERATION))
         self.low = None if low_pass is None else LowPassed(low_pass, times, len(system.probes))
-        self.lowest_state = self.highest_state = np.zeros(flow.size)  # at the extremes of the first probe
+        self.lowest_state = self.highest_state = np.zeros(flow.size)  # states at the extremes of the first probe
 
     def observe(self, solution: Any, phases: Ints) -> None:
-        """Take a piece of the solution into the extremes."""
+        """Update the extremes with a piece of the solution."""
         begin, end = float(solution.t[0]), float(solution.t[-1])
 
         def values(times: Floats, y: Floats) -> Floats:
@@ -147,7 +147,7 @@ class SteppedOutputs:
                 self.highest_state = solution.sol(highest)[: self.flow.size]
 
     def _filter_piece(self, low: LowPassed, solution: Any, phases: Ints) -> None:
-        """Lead the filter through the integrator's dense output; panels end at its steps and at the output times."""
+        """Filter a piece of the dense output; panels end at integrator steps and output times."""
         begin, longest = float(solution.t[0]), 1.0 / (PANELS_A_PERIOD * low.frequency_hz)
 
         def acceleration(times: Floats) -> Floats:
@@ -160,7 +160,7 @@ class SteppedOutputs:
         )
 
     def extremes(self, trajectory: ReferenceTrajectory) -> dict[Key, Extreme]:
-        """Extremes of the continuous motion; of a motion of zero length those of its start."""
+        """Extremes of the continuous motion; for a motion of zero length those of its start."""
         channels = self.searched.channels
         if self.dense.found is not None:
             of_all = tuple(self.dense.found)

@@ -1,4 +1,4 @@
-"""The summary of a run: values of its motion, by the names of probes, snubbers and springs, and of the model itself."""
+"""Summary of a run: values of its motion by probes, snubbers and springs, and values of the model."""
 
 from __future__ import annotations
 
@@ -54,18 +54,18 @@ from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
-ROUND_OFF = 1e-12  # of the motion of the structure: a probe that moves by less is at rest
-PRECISION = 1e-15  # of a deflection, that its computation is known to
+ROUND_OFF = 1e-12  # relative to the motion of the structure: a smaller motion of a probe counts as rest
+PRECISION = 1e-15  # relative precision of a computed deflection
 
 
 STATIC_ENTRIES = frozenset({
     "static_force_n", "static_moment_n_m", "gap_m", "gap_rad", "open_frequencies_hz", "closed_frequencies_hz",
 })  # fmt: skip
-"""Entries of the summary that belong to the model, not to its motion."""
+"""Entries of the summary that depend only on the model."""
 
 
 def values_of_motion(motion: RunMotion) -> dict[str, Any]:
-    """Values of the motion of a run and of its model, see `values_of_part`."""
+    """Values of the motion of a run and of its model; see `values_of_part`."""
     system, events = motion.system, motion.events
     closings = np.bincount(events["snubber"].values[events["closing"].values], minlength=len(system.snubbers))
     return values_of_part(system, motion.extremes, motion.contact_share, closings, motion.extreme_states)
@@ -74,19 +74,19 @@ def values_of_motion(motion: RunMotion) -> dict[str, Any]:
 def values_of_part(
     system: StructuralSystem, extremes: Extremes, contact_share: Floats, closings: Ints, states: Floats
 ) -> dict[str, Any]:
-    """Values of a part of a motion for the summary, with those of static equilibrium and the natural frequencies.
+    """Summary values of a part of a motion, with static equilibrium and natural frequencies.
 
     Parameters
     ----------
-    system : of the channels.
-    extremes : of them.
-    contact_share : (m,) of each contact.
+    system : system with the channels.
+    extremes : extremes of the channels.
+    contact_share : (m,) time share of each contact.
     closings : (m,) number of closings of each contact.
-    states : (k, 2n or more), in which the deflection is largest.
+    states : (k, 2n or more) states among which the deflection is largest.
 
     Returns
     -------
-    By entry, and within it by name of probe, snubber or spring.
+    By entry, then by name of the probe, snubber or spring.
     """
     snubbers, coordinates = [s.name for s in system.snubbers], states[:, : system.dynamics.size]
     count = len(snubbers)
@@ -104,13 +104,13 @@ def values_of_part(
 
 
 def spectral_lines(spectra: Dataset) -> list[dict[str, Any]]:
-    """The lines of all spectra, for the summary."""
+    """Lines of all spectra, for the summary."""
     columns = ("order", "frequency_hz", "amplitude", "amplitude_db", "kind", "remainder", "error")
     return [of | dict(zip(columns, line, strict=True)) for of, line in _lines(spectra, columns)]
 
 
 def unresolved_lines(spectra: Dataset) -> list[dict[str, Any]]:
-    """Lines that are not steady, for the summary."""
+    """Unsteady lines, for the summary."""
     columns, resolution_hz = ("frequency_hz", "remainder", "separating_duration_s"), spectra["resolution_hz"].item()
     return [
         of | {"frequency_hz": f, "remainder": left, "resolution_hz": resolution_hz, "separating_duration_s": duration_s}
@@ -120,7 +120,7 @@ def unresolved_lines(spectra: Dataset) -> list[dict[str, Any]]:
 
 
 def _lines(spectra: Dataset, columns: Sequence[str]) -> Iterator[tuple[dict[str, Any], tuple[Any, ...]]]:
-    """Some columns of the lines of all spectra, with the probe or output and the quantity of each line."""
+    """Columns of the lines of all spectra, with probe or output and quantity of each line."""
     labels = zip(spectra["name"].values.tolist(), spectra["quantity"].values.tolist(), strict=True)
     signals = [{"probe": name, "quantity": quantity} for name, quantity in labels]
     rows = zip(*(spectra[f"line_{name}"].values.tolist() for name in columns), strict=True)
@@ -128,13 +128,13 @@ def _lines(spectra: Dataset, columns: Sequence[str]) -> Iterator[tuple[dict[str,
 
 
 def input_summary(inputs: Dataset) -> dict[str, dict[str, Any]]:
-    """Properties of records and random inputs, by path of the excitation."""
+    """Properties of records and random inputs, by path in the excitation."""
     keys = ("rms", "unit", "sample_rate_hz", "treatment")
     return {row["path"]: {key: row[key] for key in keys if row[key] != ""} for row in inputs.rows("number")}
 
 
 def sensitivity_summary(sensitivities: Dataset) -> dict[str, dict[str, dict[str, float]]]:
-    """By value, as studies name it, and path of a number: derivatives, tolerance, changes, holds_within, in SI."""
+    """Derivatives, tolerances, changes and validity, by value (named as in studies) and path of the number, in SI."""
     summary: dict[str, dict[str, dict[str, float]]] = {}
     names = (
         "derivative",
@@ -151,7 +151,7 @@ def sensitivity_summary(sensitivities: Dataset) -> dict[str, dict[str, dict[str,
 
 
 def impact_summary(statistics: Dataset) -> dict[str, dict[str, Any]]:
-    """By snubber the numbers of its impacts, and their intervals."""
+    """Statistics of impacts with their intervals, by snubber."""
     summary = {}
     for name in statistics.labels("snubber"):
         called = _entry_namer(statistics, name)
@@ -166,12 +166,12 @@ def impact_summary(statistics: Dataset) -> dict[str, dict[str, Any]]:
 
 
 def _entry_namer(statistics: Dataset, snubber: str) -> Callable[[str], str]:
-    """What entries are called for a snubber: a stop of a hinge has moments."""
+    """Function that converts entry names for a snubber: a stop of a hinge has moments."""
     return hinge_key if statistics["peak_force_n"].sel(snubber=snubber).unit == "N m" else str
 
 
 def impact_total(statistics: Dataset) -> dict[str, float]:
-    """Numbers of the impacts of all snubbers together."""
+    """Statistics of the impacts of all snubbers together."""
     total = {name: sum(statistics[name].values.tolist()) for name in ("number", "rate_hz", "energy_lost_j")}
     alike: dict[Callable[[str], str], list[Dataset]] = {}
     for name in statistics.labels("snubber"):
@@ -183,7 +183,7 @@ def impact_total(statistics: Dataset) -> dict[str, float]:
 
 
 def random_summary(random: Dataset) -> dict[str, dict[str, Any]]:
-    """By name and quantity the numbers of a signal that are known; the expected peak of a test."""
+    """Known values of each signal, by name and quantity, with the expected peak of a test."""
     keys = (*STATISTICS, "standard_deviation", "highest", "lowest", "rms_low", "rms_high", "degrees_of_freedom",
             "expected_peak", "expected_peak_low", "expected_peak_high", "expected_peak_unknown")  # fmt: skip
     return {
@@ -195,7 +195,7 @@ def random_summary(random: Dataset) -> dict[str, dict[str, Any]]:
 
 
 def linear_summary(random: Dataset) -> dict[str, dict[str, float]]:
-    """By name and quantity standard deviations of the run and of the linear structures, where there are any."""
+    """Standard deviations of the run and of the linear structures, by name and quantity, if known."""
     return {
         row["signal"]: {
             "standard_deviation": row["standard_deviation"], "open": row["linear_open"], "closed": row["linear_closed"]
@@ -206,7 +206,7 @@ def linear_summary(random: Dataset) -> dict[str, dict[str, float]]:
 
 
 def psd_over_limit(random: Dataset) -> dict[str, tuple[float, float]]:
-    """By name the largest ratio of a density to its limit curve, and the frequency there, Hz."""
+    """Largest ratio of each density to its limit curve, and its frequency, Hz, by name."""
     if "limit" not in random:
         return {}
     spectra = zip(random["name"].values.tolist(), random["density"].values, random["limit"].values, strict=True)
@@ -214,7 +214,7 @@ def psd_over_limit(random: Dataset) -> dict[str, tuple[float, float]]:
 
 
 def fatigue_summary(fatigue: Dataset) -> dict[str, dict[str, Any]]:
-    """By body the numbers of its damage that are known."""
+    """Known values of the damage, by body."""
     return {
         row["body"]: {name: value for name, value in row.items() if name != "body" and has_value(value)}
         for row in fatigue.rows("body")
@@ -222,7 +222,7 @@ def fatigue_summary(fatigue: Dataset) -> dict[str, dict[str, Any]]:
 
 
 def summary_entries(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of the summary that repeat parts of a result, and its margins with other entries; None without any."""
+    """Summary entries that repeat parts of a result, and its margins; None for missing parts."""
     bodies = result.datasets.get("bodies")
     von_mises = None if bodies is None else bodies.get("peak_von_mises_stress")
     crushed: dict[str, dict[str, float]] = {"residual_crush_m": {}, "residual_crush_rad": {}}
@@ -253,7 +253,7 @@ def summary_entries(result: RunResult, summary: Mapping[str, Any]) -> dict[str, 
 
 
 def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Ratios of spectra to their limit curves, and the margins, for which root mean squares are added."""
+    """Ratios of spectra to their limit curves, and the margins (with root mean squares)."""
     srs, random = (result.datasets.get(name) for name in ("srs", "random"))
     over = {
         "srs_over_limit": {} if srs is None else srs_over_limit(srs),
@@ -281,15 +281,15 @@ def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any
 def summary_of_run(
     motion: RunMotion, values: Mapping[str, Any], spectra: Dataset | None, needed: Needed, evaluation: Evaluation
 ) -> dict[str, Any]:
-    """Entries of the summary that do not repeat a field of the result.
+    """Summary entries that do not repeat a field of the result.
 
     Parameters
     ----------
-    motion : of the run.
+    motion : motion of the run.
     values : values of the motion and of its model.
-    spectra : where they were left out, root mean squares are nan.
-    needed : entries; how gapping is predicted takes longer than most.
-    evaluation : what is computed from the motion.
+    spectra : None if skipped; root mean squares are then nan.
+    needed : needed entries; the prediction of gapping is expensive.
+    evaluation : evaluation of the motion.
 
     Returns
     -------
@@ -338,7 +338,7 @@ def summary_of_run(
 
 
 def _place_of_stress(stress: StressRows, extremes: Extremes, *, several: bool) -> dict[str, Any]:
-    """Where the bending stress is largest; the body where there are several."""
+    """Place of the largest bending stress; with the body if there are several."""
     where = int(largest(extremes[STRESS]).argmax())
     place: dict[str, Any] = {"largest_bending_stress_position_m": float(stress.stations.position[where])}
     if stress.stations.across is not None:
@@ -347,18 +347,18 @@ def _place_of_stress(stress: StressRows, extremes: Extremes, *, several: bool) -
 
 
 def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Where contact changes first, from the linear motion, for the summary.
+    """Prediction of the first contact change from the linear motion, for the summary.
 
     Parameters
     ----------
-    motion : of the run.
-    summary : with the largest gaps.
+    motion : motion of the run.
+    summary : summary with the largest gaps.
 
     Returns
     -------
-    By snubber; empty where there is no linear motion to compare with: with nonlinear springs, with friction that sticks
-    rigidly or that a snubber presses, of snubbers whose law is more than a stiffness and a dashpot, and of a motion
-    that does not start at equilibrium.
+    By snubber. Empty without a linear motion for comparison: nonlinear springs, friction that sticks rigidly or is
+    pressed by a snubber, a snubber law other than stiffness and dashpot, or a motion that does not start at
+    equilibrium.
     """
     system, contacts = motion.system, motion.system.dynamics.contacts
     unknown = contacts.any_sticks_rigidly or contacts.pressed_contacts.size or system.static_equilibrium is None
@@ -375,7 +375,7 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
 
 
 def _gapping_of_other(motion: RunMotion) -> dict[str, dict[str, Any]]:
-    """First change of contact under an excitation that is not a sine; empty without a start at equilibrium."""
+    """First contact change for an excitation that is not a sine; empty without a start at equilibrium."""
     scenario, excitation = motion.system.scenario, motion.system.scenario.excitation
     if isinstance(excitation, RandomInput):
         return gapping_of_random(motion.system)
@@ -390,16 +390,16 @@ def _gapping_of_other(motion: RunMotion) -> dict[str, dict[str, Any]]:
 def _without_round_off(
     system: StructuralSystem, extremes: Extremes, contact_share: Floats, size: float
 ) -> dict[Key, Extreme]:
-    """The extremes where what is round-off is zero.
+    """Extremes with round-off replaced by zero.
 
-    A probe at a node of the motion moves by round-off: its displacement is 0, and its acceleration where that is no
-    larger than such a displacement makes it at the first natural frequency. The acceleration of a probe that does not
-    leave its place under dead loads is 0 where that is no larger than the round-off of its deflection makes it at the
-    highest, and the base is at rest; so are velocities and accelerations that are outputs, where no probe moves. A
-    contact that never opens has no gap.
+    A probe at a node of the motion moves by round-off: its displacement is set to 0, and its acceleration if it is not
+    larger than such a displacement causes at the first natural frequency. The acceleration of a probe that stays in
+    place under dead loads is set to 0 if it is not larger than the round-off of its deflection causes at the highest
+    natural frequency, with the base at rest; so are output velocities and accelerations if no probe moves. A contact
+    that never opens has no gap.
     """
     settled = dict(extremes)
-    values = np.array([[True], [False], [True], [False]])  # times stay
+    values = np.array([[True], [False], [True], [False]])  # times are kept
     if DISPLACEMENT in extremes:
         still = largest(extremes[DISPLACEMENT]) <= ROUND_OFF * size
         settled[DISPLACEMENT] = np.where(values & still, 0.0, extremes[DISPLACEMENT])
@@ -420,9 +420,9 @@ def _without_round_off(
 
 
 def _outputs_at_rest(extremes: Extremes, speed: float, acceleration: float) -> dict[Key, Extreme]:
-    """Extremes of velocities and accelerations that are outputs, zero up to a speed and an acceleration, SI."""
+    """Extremes of output velocities and accelerations, zero up to a given speed and acceleration, SI."""
     rest = {("outputs", "velocity"): speed, ("outputs", "acceleration"): acceleration}
-    values = np.array([[True], [False], [True], [False]])  # times stay
+    values = np.array([[True], [False], [True], [False]])  # times are kept
     return {
         key: np.where(values & (largest(extremes[key]) <= least), 0.0, extremes[key])
         for key, least in rest.items()
@@ -431,7 +431,7 @@ def _outputs_at_rest(extremes: Extremes, speed: float, acceleration: float) -> d
 
 
 def peak_times(system: StructuralSystem, extremes: Extremes, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """s, by entry of the values and by name: when the peak is reached; of equal peaks any of them."""
+    """Time of the peak, s, by entry and name; for equal peaks any of them."""
     probes, forces = [probe.name for probe in system.probes], system.channels.of_keys(FORCE).channels
     when = {
         entry: dict(zip(probes, largest_at(extremes.get(key, NO_EXTREMES)).tolist(), strict=True))
