@@ -60,8 +60,8 @@ def entries_of(requested: Collection[str], scenario: Scenario) -> tuple[str, ...
 def matches_request(request: str, name: str) -> bool:
     """True if a request refers to a response: by its quantity, or by its name with or without its curve.
 
-    >>> means("peak_force", "snubbers/tip/peak_force"), means("tip/peak_force", "snubbers/tip/peak_force")
-    (True, True)
+    >>> [matches_request(request, "snubbers/tip/peak_force") for request in ("peak_force", "tip/peak_force", "force")]
+    [True, True, False]
     """
     parts = request.split("/")
     return name.split("/")[-len(parts) :] == parts
