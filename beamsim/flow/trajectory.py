@@ -524,8 +524,10 @@ class Trajectory:
         out = np.zeros(output_of(self.flow.system.contacts.start).shape[0])
         for state, segments in self.by_state():
             table, length = state.coefficients(output_of(state.phases), self.flow.sources), self.equal_lengths[segments]
-            of_terms = self._squares_of_exponentials if state.exponential else self._squares_by_time
-            products = of_terms(state, segments, length)
+            if not state.exponential:
+                out += self._squares_by_time(state, segments, length, table)
+                continue
+            products = self._squares_of_exponentials(state, segments, length)
             both = 0.5 * np.concatenate([table, table.conj()])
             out += (table * (products @ both)).sum(axis=0).real
         return out
@@ -541,19 +543,23 @@ class Trajectory:
             products[some[:, None], np.append(some, basis.size + some)] += found
         return products
 
-    def _squares_by_time(self, state: ContactState, segments: Ints, length: Floats) -> Complexes:
-        """(T, 2 T) the same in a contact state with powers of time."""
-        basis, source = state.term_basis, state.term_source
-        zeta = self.amplitudes(state, segments)
-        conjugate = state.exponent.size if state.exponent.imag.any() else 0  # functions that are real are their own
-        functions = basis[:, None], np.append(basis, conjugate + basis)
-        sources, whole = (source[:, None], np.append(source, zeta.shape[1] + source)), np.hstack([zeta, zeta.conj()])
-        products = np.zeros((basis.size, 2 * basis.size), dtype=complex)
-        every = np.arange(state.exponent.size)
-        for groups, integrals in moments_by_time(state.exponent, state.power, every, length):
+    def _squares_by_time(self, state: ContactState, segments: Ints, length: Floats, table: Complexes) -> Floats:
+        """(K,) the integrals of squares in a contact state with powers of time, of outputs (T, K) of its terms.
+
+        On each segment outputs are sums of functions of time, of which there are far fewer than terms.
+        """
+        zeta, (B, K) = self.amplitudes(state, segments), (state.exponent.size, table.shape[1])
+        of_units = np.zeros((zeta.shape[1] * B, K), dtype=complex)
+        np.add.at(of_units, state.term_source * B + state.term_basis, table)
+        of_units = of_units.reshape(-1, B, K).swapaxes(1, 2).reshape(-1, K * B)
+        real, out = not state.exponent.imag.any(), np.zeros(K)
+        for groups, integrals in moments_by_time(state.exponent, state.power, np.arange(B), length):
             for entries, moments in zip(groups, integrals, strict=True):
-                products += (zeta[entries].T @ whole[entries])[sources] * moments[functions]
-        return products
+                for part in blocks(entries.size, 2 * K * B):
+                    one = (zeta[entries[part]] @ of_units).reshape(-1, K, B)
+                    other = one.real if real else 0.5 * np.concatenate([one, one.conj()], axis=2)
+                    out += (((one.real if real else one) @ moments) * other).sum(axis=(0, 2)).real
+        return out
 
     @cached_property
     def equal_lengths(self) -> Floats:

@@ -197,7 +197,7 @@ def test_a_stop_moves_with_its_support_as_it_does_by_the_same_signal():
 
 def oscillators(frequency, quality, acceleration, duration):
     """Largest absolute acceleration of oscillators on what moves with an acceleration of time, at rest after it."""
-    t = np.arange(0.0, duration + 1.0 / frequency[0], 1e-3 / frequency[-1])
+    t = np.arange(0.0, duration + 1.0 / frequency[0], 3e-3 / frequency[-1])
     moved = np.where(t <= duration, acceleration(np.minimum(t, duration)), 0.0)
     found = []
     for omega in 2 * np.pi * frequency:

@@ -35,10 +35,26 @@ def best(result):
     return result.summary["best"][0]
 
 
-def closed(stiffness):
+def closed(stiffness, gap=0.0, mass=MASS):
     """Largest force and displacement, with the spring that holds the mass."""
-    depth = SPEED * np.sqrt(MASS / (stiffness + HELD))
-    return stiffness * depth, depth
+    both = stiffness + HELD  # m v^2 = k x^2 + h (x + g)^2
+    depth = (np.sqrt(both * mass * SPEED**2 - stiffness * HELD * gap**2) - HELD * gap) / both
+    return stiffness * depth, depth + gap
+
+
+@pytest.fixture
+def in_closed_form(monkeypatch):
+    """The motions of stiffnesses, gaps and masses by their closed form, where many of them are searched."""
+
+    def solve(self, case):
+        stiffness, *others = case.values
+        gap, mass = (others[0], float((others[1] or f"{MASS} kg").split()[0])) if others else (0.0, MASS)
+        force, depth = closed(stiffness, gap, mass)
+        values = {"snubbers/above/peak_force": force, "probes/mass_1/peak_displacement": depth}
+        limits = self.study.case.limits
+        return solved_case({} if limits is None else limits.values_by_name, case.number, values, given=case.values)
+
+    monkeypatch.setattr(CaseSolver, "__call__", solve)
 
 
 def test_a_limit_that_binds_gives_the_stiffness_in_closed_form():
@@ -71,7 +87,7 @@ def test_a_limit_binds_where_the_value_with_its_change_by_a_finer_model_reaches_
     assert closed(best(result)["parameters"][WHERE])[1] == pytest.approx(limit / 1.1, rel=5e-3)
 
 
-def test_values_that_count_as_one_add_up_responses_of_different_units():
+def test_values_that_count_as_one_add_up_responses_of_different_units(in_closed_form):
     """F / F0 + x / x0 is smallest where both are equal: k = F0 / x0."""
     aim = {FORCE: "60 N", DEPTH: "10 mm"}
     result = searched({"minimise": aim, "parameters": [STIFFNESS]})
@@ -124,12 +140,12 @@ def test_a_front_has_designs_of_which_none_is_better_in_both():
     """Every stiffness is on the front, whose product of force and displacement is m v^2; damping is not."""
     damping = {"path": "snubbers[*].damping.coefficient", "from": "0 N s/m", "to": "50 N s/m"}
     dashpot = [stop | {"damping": {"kind": "viscous", "coefficient": "5 N s/m"}} for stop in CASE["snubbers"]]
-    optimise = {"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS], "most_cases": 120}
+    optimise = {"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS], "most_cases": 60}
     result = searched(optimise)
     force, depth = result["cases"]["objective_value"].values
     np.testing.assert_allclose(force * depth, MASS * SPEED**2, rtol=2e-2)
     assert result["cases"]["front"].values.sum() > 0.9 * result.count
-    both = searched(optimise | {"parameters": [STIFFNESS, damping], "most_cases": 120}, snubbers=dashpot)
+    both = searched(optimise | {"parameters": [STIFFNESS, damping], "most_cases": 60}, snubbers=dashpot)
     force, depth = both["cases"]["objective_value"].values
     better = (
         (force[:, None] <= force) & (depth[:, None] <= depth) & ((force[:, None] < force) | (depth[:, None] < depth))
@@ -140,7 +156,7 @@ def test_a_front_has_designs_of_which_none_is_better_in_both():
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_a_front_reaches_its_ends_in_closed_form(seed):
+def test_a_front_reaches_its_ends_in_closed_form(in_closed_form, seed):
     """The least force is that of the softest stop, the least displacement that of the stop that the limit allows.
 
     The lightest of three masses is best in both; gaps add to the displacement, and take a ten-thousandth of the force.
@@ -178,7 +194,7 @@ def test_a_front_says_what_there_was_no_room_for():
     assert re.search("found to be better|still improved|not searched", result.outcome.text)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_a_front_has_the_designs_of_a_small_region_as_well(monkeypatch, seed):
     """Of one product in four, in 6 % of its gaps: nothing nearby points there, and half of the front is there."""
 

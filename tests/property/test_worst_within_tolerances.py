@@ -29,7 +29,7 @@ STOP = {"name": "stop", "mass": 1, "side": "below", "stiffness": 3e4, "gap": 1e-
 PULSE = {"kind": "half_sine", "applied_to": "base", "level": 60.0, "duration": 0.01}
 BY = ("chain.springs[0]", "chain.snubbers.stop.gap", "chain.snubbers.stop.stiffness")
 SYSTEMS = {
-    "pulse": (chain([1.0], [1e4], [STOP], excitation=PULSE), "peak_force", dict.fromkeys(BY, "15 %"), 5),
+    "pulse": (chain([1.0], [1e4], [STOP], excitation=PULSE), "peak_force", dict.fromkeys(BY, "15 %"), 4),
     # the natural frequency passes that of the base within the tolerance
     "resonance": (
         chain([1.0], [1e4], [{**STOP, "gap": 0.02}], excitation=shaken(3.0, 15.9), duration=0.5), "peak_displacement",
@@ -46,17 +46,16 @@ SYSTEMS = {
     ),
     "five numbers": (
         chain([1.0, 0.5], [1e4, 6e3], [STOP], excitation=PULSE), "peak_force",
-        {**dict.fromkeys(BY, "15 %"), "chain.masses[0]": "10 %", "excitation.level": "10 %"}, 3,
+        {**dict.fromkeys(BY, "15 %"), "chain.masses[0]": "10 %", "excitation.level": "10 %"}, (3, 3, 3, 3, 2),
     ),
     # two resonances within the tolerance: at its middle the response grows with the frequency, and is worst far below
     "misleading derivative": (
         chain([1.0, 1.0], [1e4, 1e4], [{**STOP, "gap": 0.5}], excitation=shaken(3.0, 20.0), duration=0.5, probe=1),
         "peak_acceleration",
-        {"excitation.frequency": "11 Hz", "chain.springs[0]": "2 %", "chain.springs[1]": "2 %",
-         "chain.masses[0]": "2 %", "chain.dashpots[0]": "20 %"},
-        (30, 2, 2, 2, 2),
+        {"excitation.frequency": "11 Hz", "chain.springs[0]": "2 %", "chain.dashpots[0]": "20 %"}, (30, 2, 2),
     ),
 }  # fmt: skip
+SAMPLES = {"misleading derivative": 16}  # with fewer the search of three numbers is not finished, and says so
 
 
 def study(case, asked, tolerances, samples=8, **more):
@@ -89,7 +88,7 @@ def grid_worst(scenario, asked, points):
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_no_point_of_a_grid_is_worse_than_the_searched_worst(name):
     case, asked, tolerances, points = SYSTEMS[name]
-    scenario = study(case, asked, tolerances)
+    scenario = study(case, asked, tolerances, samples=SAMPLES.get(name, 8))
     worst = design_study(scenario).summary["worst"]
     assert worst["kind"] == "searched"
     assert worst["further_cases"] <= worst["most_further_cases"] == 50 * len(tolerances)
