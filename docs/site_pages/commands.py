@@ -15,10 +15,11 @@ from beamsim.cli.app import app
 _INTRODUCTION = """\
 # Commands
 
-This page is made from what `beamsim COMMAND --help` shows. Every command ends with one of these exit codes: 0 success,
-1 program error, 2 bad usage or invalid scenario, 3 incomplete or not reliable (the result is kept), under `--check`
-also a limit that is neither met nor exceeded for certain, 4 a limit is exceeded under `--check`, 130 and 143
-interrupted, 141 broken pipe. The README has the table of what is complete, doubtful and not reliable.
+This page lists all commands and their options, as `beamsim COMMAND --help` prints them. Exit codes are 0 for
+success, 1 for a program error, 2 for bad usage or an invalid scenario, 3 for an incomplete or unreliable result (it
+is kept), 4 for a limit exceeded under `--check`, 5 for a file that could not be written, 130 and 143 for an
+interruption, and 141 for a broken pipe. Under `--check`, 3 also means that the verdict on a limit is uncertain. The
+README has the whole table.
 
 """
 

@@ -22,12 +22,12 @@ QUICK = {"run.convergence": "off"}
 _INTRODUCTION = """\
 # Validation
 
-Every computed number on this page comes from a run that was made when the page was built. Printed numbers are those of
-H. Hazim, *Vibrations of a beam with a unilateral spring. Periodic solutions – Nonlinear normal modes*, PhD thesis,
-Université Nice Sophia Antipolis, 2010 (HAL tel-00520999), unless a line says otherwise. A printed number that does not
-come out is reported as it is; nothing was adjusted to meet it.
+This page compares computed with published numbers. Every computed number comes from a run that was made when the
+page was built. Printed numbers are those of H. Hazim, *Vibrations of a beam with a unilateral spring. Periodic
+solutions – Nonlinear normal modes*, PhD thesis, Université Nice Sophia Antipolis, 2010 (HAL tel-00520999), unless a
+line says otherwise. Printed numbers that could not be reproduced are reported; nothing was adjusted.
 
-What the tests check beyond this page: closed forms (`tests/analytic`), independent integration of random cases
+Tests check more than this page: closed forms (`tests/analytic`), independent integration of random cases
 (`tests/property`, [the attack](../attack.md)), observed orders of convergence (`tests/convergence`).
 
 """
@@ -54,7 +54,7 @@ def fronts() -> str:
     return (
         f"## Fronts of two objectives\n\n`python -m benchmarks.fronts`, {kept['date']}, commit {kept['commit']}. Right "
         "values are those of grids, in SI units. A negative difference is a front that reaches farther than the grid. "
-        f"Where a front consists of parts, the grid has the gap between them, too.\n\n{table(heads, rows)}"
+        f"If a front has a gap, the grid has it, too.\n\n{table(heads, rows)}"
     )
 
 
@@ -71,7 +71,7 @@ def errors() -> str:
     ]
     heads = ["config", "value", "computed", "stated error", "true error"]
     return (
-        "## Stated errors and true ones\n\nShipped runs, swept and stepped sines were solved with four and eight times "
+        "## Stated and true errors\n\nShipped runs, swept and stepped sines were solved with four and eight times "
         f"the modes and elements ({made}; long motions are shortened, see `benchmarks/convergence_of_configs.py`). "
         f"{result}. "
         "Left out are values that the program calls one of many motions or without a limit. The peaks that are off by "
@@ -82,8 +82,8 @@ def errors() -> str:
 def other_sources() -> str:
     """Cases of manuals, test suites and papers of the field."""
     parts = [
-        "## Cases of other sources\n\nEach is compared with its closed form, or a solution made for it alone, in "
-        "`tests/reference/test_published_cases.py`. Below each table stands why printed numbers differ.\n"
+        "## Cases of other sources\n\nEach case is compared with its closed form, or with an independent solution, in "
+        "`tests/reference/test_published_cases.py`. A note below each table explains why printed numbers differ.\n"
     ]
     for one in CASES:
         found = one.computed()
@@ -107,8 +107,8 @@ def probabilities() -> str:
         for of in kept["rows"]
     ]  # fmt: skip
     heads = [
-        "problem", "samples", "exact", "mean / exact", "95 % interval holds it", "check agrees", "histories on average",
-        "what doubles it: intervals that hold it", "importance: intervals that hold it",
+        "problem", "samples", "exact", "mean / exact", "95 % interval contains it", "check agrees",
+        "histories on average", "what doubles it: intervals that contain it", "importance: intervals that contain it",
     ]  # fmt: skip
     return (
         "## Probabilities\n\nProblems with an exact probability, each with many seeds; the target of the coefficient "
@@ -161,7 +161,7 @@ def frequencies() -> str:
         + table(["quantity, Hz", "mode", "printed", "computed", "difference"], rows)
         + f"""
 Two printed inputs do not fit these frequencies. Accelerometers of 45 g would give a first frequency of
-{with_printed_masses:.1f} Hz; with 4.2 g table 1.2 comes out. A spring of 559.625 kN/m would give
+{with_printed_masses:.1f} Hz; 4.2 g reproduces table 1.2. A spring of 559.625 kN/m would give
 {", ".join(f"{value:.0f}" for value in with_printed_stiffness[:3])} Hz in table 1.3; 559.625 × 0.27 = 151.1 kN/m gives
 the printed values, so a factor of the length is probably missing. The configs use 4.2 g and 151.1 kN/m.
 """
@@ -227,7 +227,7 @@ def amplitudes() -> str:
              "printed acceleration, g", "computed", "difference"]  # fmt: skip
     return (
         "## Forced amplitudes, 2 g, zero gap\n\nThe printed numbers are the ends of axes, which only bound the curves, "
-        "or what the text says. Computed with 1 % modal damping and a dashpot of 2 % in the snubber.\n\n"
+        "or numbers in the text. Computed with 1 % modal damping and a dashpot of 2 % in the snubber.\n\n"
         + table(heads, rows)
     )
 
