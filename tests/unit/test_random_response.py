@@ -119,11 +119,14 @@ def coverage(amplitudes: str, seeds: int) -> tuple[float, float, float]:
 
 
 def test_the_interval_of_a_single_run_is_that_of_the_scatter_over_seeds():
-    """Records of a Gaussian input: 95 % of the intervals hold the RMS of the process (the share is known to 3 %)."""
+    """Records of a Gaussian input: 95 % of the intervals hold the RMS of the process (the share is known to 3 %).
+
+    Of 1,000 records without an oscillator: the next test.
+    """
     share, scatter, stated = coverage("random", 60)
     assert 0.87 < share <= 1.0
     assert stated == pytest.approx(scatter, rel=0.3)  # of 60 runs it is known to 9 %
-    share, fixed, _ = coverage("fixed", 12)
+    share, fixed, _ = coverage("fixed", 8)
     assert share == 1.0
     assert fixed < 0.7 * scatter
 
@@ -137,10 +140,10 @@ def noise(duration, rate, seed, amplitudes, band=(10.0, 40.0)):
 
 
 def test_degrees_of_freedom_of_gaussian_noise():
-    """Flat noise in a band of B Hz for T seconds has 2 B T; the interval holds its RMS in 95 % of 2,000 records."""
+    """Flat noise in a band of B Hz for T seconds has 2 B T; the interval holds its RMS in 95 % of 1,000 records."""
     T = 2.0
     held, freedom = [], []
-    for seed in range(2000):
+    for seed in range(1000):
         interval = rms_interval(noise(T, 200.0, seed, "random"))
         held.append(interval["rms_low"] ** 2 < 30.0 < interval["rms_high"] ** 2)
         freedom.append(interval["degrees_of_freedom"])
@@ -318,17 +321,22 @@ def held(found, largest):
 
 @pytest.mark.parametrize("mean", [0.0, -3.0])
 def test_largest_values_of_tests_of_gaussian_noise(mean):
-    """Records of 4 s predict tests of 40 s, of which there are others; Davenport's factor for their mean frequency."""
+    """Records of 4 s predict tests of 40 s, of which there are others; Davenport's factor for their mean frequency.
+
+    Noise of the tests is the sum of lines of normal amplitudes, 40 to a hertz.
+    """
     rate, deviation, band = 600.0, np.sqrt(40.0), (20.0, 60.0)
-    tests = [mean + noise(40.0, rate, seed, "random", band) / deviation for seed in range(200)]
-    largest = np.array([np.abs(x).max() for x in tests])
+    generator, lines, count = np.random.default_rng(0), slice(800, 2401), 24_000
+    amplitudes = np.zeros((300, count // 2 + 1), dtype=complex)
+    amplitudes[:, lines] = generator.normal(size=(300, 1601, 2)) @ np.array([1.0, 1.0j]) * count / 2 / np.sqrt(1601)
+    largest = np.abs(mean + np.fft.irfft(amplitudes)).max(axis=1)
     found = []
-    for seed in range(1000, 1200):
+    for seed in range(1000, 1100):
         x = mean + noise(4.0, rate, seed, "random", band) / deviation
         found.append(largest_of_test(Magnitude(x), rms_interval(x)["degrees_of_freedom"], 40.0 * rate))
     ratio, share = held(found, largest)
     assert ratio == pytest.approx(1.0, abs=0.04)
-    assert 0.91 < share < 0.98
+    assert 0.965 < share < 0.99  # 95 % and the uncertainty of a short record; a fifth less or more would be seen
     crossings = np.sqrt((60.0**3 - 20.0**3) / (3 * 40.0)) * 40.0 * (2.0 if mean == 0.0 else 1.0)
     root = np.sqrt(2.0 * np.log(crossings))
     closed_form = abs(mean) + root + np.euler_gamma / root
@@ -432,7 +440,8 @@ LAWS = {  # of `integrated`
 @pytest.mark.parametrize("law", LAWS)
 def test_intervals_of_largest_values_hold_whatever_the_spring(law):
     """Records of 200 cycles, each followed by a test of 2,000, in noise from 1 to 40 Hz, integrated independently."""
-    rate, steps, number = 1000, 8, 100
+    rate, number = 1000, 100
+    steps = 8 if law == "one-sided, 100 times as stiff" else 4  # a hundredth of the shortest period, or less
     band = butter(4, [1, 40], "band", fs=rate, output="sos")
     scale, numbers = 7000.0, np.array(LAWS[law], dtype=float)
     generator, memory, state = np.random.default_rng(1), np.zeros((band.shape[0], 2)), np.zeros(3)
@@ -466,23 +475,22 @@ def test_intervals_of_largest_values_hold_whatever_the_spring(law):
             assert 0.9 < share < 0.99  # 0.9 to 0.98 is aimed at, and 100 records know it to 0.01 or 0.02
 
 
-@pytest.mark.parametrize("gap", [None, 2e-3])
-def test_largest_values_of_tests_of_an_oscillator(gap):
-    """Runs of 20 s predict the tests of 100 s that begin with them, of a free oscillator and of one against a stop."""
-    case = OSCILLATOR if gap is None else stopped(gap)
-    of = "mass absolute_acceleration" if gap is None else "stop force"
+def test_largest_values_of_tests_of_an_oscillator():
+    """Runs of 20 s predict the force of the stop in the tests of 60 s that begin with them.
+
+    Without a stop, and with others: `test_intervals_of_largest_values_hold_whatever_the_spring`.
+    """
 
     def random(seed, duration):
         excitation = OSCILLATOR["excitation"] | {"amplitudes": "random", "seed": seed}
-        run = {"duration": duration, "test_duration": 100.0, "start": "rest", "sample_rate": 1000.0}
-        scenario = load_scenario(case | {"excitation": excitation, "run": run | {"convergence": "off"}})
-        result = beamsim.run(scenario)
-        peaks = result.summary["peak_acceleration_g"]["mass"] * STANDARD_GRAVITY
-        return result.summary["random"][of], peaks if gap is None else result.summary["peak_force_n"]["stop"]
+        run = {"duration": duration, "test_duration": 60.0, "start": "rest", "sample_rate": 500.0}
+        scenario = load_scenario(stopped(2e-3) | {"excitation": excitation, "run": run | {"convergence": "off"}})
+        summary = beamsim.run(scenario).summary
+        return summary["random"]["stop force"], summary["peak_force_n"]["stop"]
 
-    others = np.array([random(seed, 80.0)[1] for seed in range(12)])
+    others = np.array([random(seed, 40.0)[1] for seed in range(10)])
     ratios, shares = [], []
-    for seed in range(100, 120):
+    for seed in range(100, 112):
         expected, reached = random(seed, 20.0)
         ratio, share = held([expected], np.maximum(others, reached * (1 + 1e-9)))
         ratios.append(ratio)
@@ -510,14 +518,14 @@ def test_no_largest_value_of_a_test_that_may_reach_a_stop_of_which_the_record_sa
 
 
 def in_test(limit, **run):
-    """A run of 20 s against a stop, as the sample of a test of 2 min."""
+    """A run of 10 s against a stop, as the sample of a test of 2 min."""
     case = {
         "chain": {"masses": [1.0], "springs": [1e4], "damping": {"kind": "modal", "ratio": 0.02}},
         "snubbers": [{"name": "stop", "mass": 1, "side": "above", "stiffness": 1e5, "gap": 0.5e-3,
                       "damping": {"kind": "viscous", "coefficient": 10.0}}],
         "excitation": {"kind": "random", "applied_to": "base", "seed": 1,
                        "psd": [{"frequency": f, "density": "0.01 g^2/Hz"} for f in (5.0, 100.0)]},
-        "run": {"duration": 20.0, "test_duration": 120.0, "sample_rate": 2000.0, "convergence": "off", **run},
+        "run": {"duration": 10.0, "test_duration": 120.0, "sample_rate": 2000.0, "convergence": "off", **run},
         "limits": {"peak_force": limit},
     }  # fmt: skip
     return beamsim.run(load_scenario(case))
@@ -604,7 +612,7 @@ def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
 
 def test_a_study_counts_the_cases_that_are_undecided():
     """The verdict on all of them is undecided if none exceeds the limit and none is without reliable values."""
-    result = in_test(250.0, duration=10.0)
+    result = in_test(250.0)
     of = result.summary["margins"]["peak_force"]
     limit = 0.5 * (of["interval_low"] + of["interval_high"])
     case = load_scenario(result.scenario.model_dump(exclude_unset=True, by_alias=True)
@@ -615,18 +623,16 @@ def test_a_study_counts_the_cases_that_are_undecided():
     assert worst["interval_low"] < limit < worst["interval_high"]
 
 
-def test_the_largest_value_of_a_test_is_never_below_what_its_run_reached():
+@pytest.mark.parametrize("displacement", ["0 mm", "30 mm"])
+def test_the_largest_value_of_a_test_is_never_below_what_its_run_reached(displacement):
     """Also where that is in the first tenth, which the statistics leave out; a shorter test may stay below."""
-    case = OSCILLATOR | {"run": {"duration": 20.0, "test_duration": 20.0, "sample_rate": 500.0, "convergence": "off"}}
-    floors = 0
-    for seed in range(40):
-        result = beamsim.run(load_scenario(case, {"excitation.seed": seed, "excitation.amplitudes": "random"}))
-        x = result["histories"]["displacement"].sel(probe="mass").values
-        of = result.summary["random"]["mass displacement"]
-        early = np.abs(x[: x.size // 10]).max() > np.abs(x[x.size // 10 :]).max()
-        floors += early
-        assert of["expected_peak_low"] >= np.abs(x).max()
-    assert floors
+    run = {"duration": 20.0, "test_duration": 20.0, "sample_rate": 500.0, "convergence": "off"}
+    case = OSCILLATOR | {"run": run | {"start": {"displacement": [displacement]}}}
+    result = beamsim.run(load_scenario(case, {"excitation.amplitudes": "random"}))
+    x = result["histories"]["displacement"].sel(probe="mass").values
+    early = np.abs(x[: x.size // 10]).max() > np.abs(x[x.size // 10 :]).max()
+    assert early == (displacement == "30 mm")
+    assert result.summary["random"]["mass displacement"]["expected_peak_low"] >= np.abs(x).max()
 
 
 def test_how_long_a_run_decides_is_how_the_interval_narrows():
@@ -680,7 +686,7 @@ def test_the_interval_of_damage_holds_the_damage_of_a_narrow_band():
     expected = frequency * duration * ranges / 2e6
     held, done = 0, []
     for seed in range(80):
-        x = reversals(noise(duration, 2000.0, seed, "random", (low, high)) * deviation / np.sqrt(high - low))
+        x = reversals(noise(duration, 1000.0, seed, "random", (low, high)) * deviation / np.sqrt(high - low))
         whole = damage(rainflow(x), 80e6, 2e6, 5.0)
         interval = damage_interval(x, whole, life)
         held += interval["damage_low"] < expected < interval["damage_high"]
