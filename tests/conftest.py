@@ -32,6 +32,7 @@ from beamsim.contacts.laws import kelvin_voigt
 from beamsim.contacts.pads import no_tension as relaxing
 from beamsim.inputs.signal import Signal
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
+from tests.helpers.solved import SharedCommands
 
 # Tests are not a package (importmode=importlib), so the shared module is loaded by its place.
 _spec = spec_from_file_location("fabricated", Path(__file__).with_name("fabricated.py"))
@@ -113,6 +114,13 @@ def compiled_kernels(request: pytest.FixtureRequest) -> None:
         subprocess.run([sys.executable, kernels.__file__, *map(str, share)], check=True)
     with _keeping_all():
         kernels.call(*share)
+
+
+@pytest.fixture(scope="session")
+def solve(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> SharedCommands:
+    """Execute a command on a shipped config, unless a test of this session has done it."""
+    folder = tmp_path_factory.getbasetemp()
+    return SharedCommands((folder.parent if hasattr(request.config, "workerinput") else folder) / "solved")
 
 
 @pytest.fixture(scope="session")

@@ -217,12 +217,12 @@ def test_runs_and_references_that_end_early_are_not_compared(result, monkeypatch
 
 @first_apart("path", 1, sorted(RUNS, key=lambda path: path.stem != "rubbing_stop"), ids=lambda path: path.stem)
 def test_every_shipped_run_agrees_with_the_reference(path):
-    """Until four contacts were made or lost, over 50 to 400 periods of the fastest mode.
+    """Until a contact was made and lost, over 25 to 200 periods of the fastest mode.
 
-    Of bodies with a mesh with two modes, so that more contacts come in so many periods.
+    Of structures with many modes with two, so that more contacts come in so many periods.
     """
     scenario = shipped(path)
-    if scenario.has_mesh or scenario.reduction is not None:
+    if scenario.has_mesh or scenario.reduction is not None or build_system(scenario).dynamics.stiffness.size > 6:
         scenario = scenario.model_copy(update={"reduction": Reduction(modes=2)})
     excitation = scenario.excitation
     if excitation.kind == "random":  # the lines of the whole run
@@ -239,9 +239,9 @@ def test_every_shipped_run_agrees_with_the_reference(path):
         )  # fmt: skip
         return beamsim.run(scenario.model_copy(update={"run": short, "excitation": excitation}))
 
-    result = first = run(50)
-    for periods in (100, 200, 400):
-        result = result if result.summary["solver_events"] >= 4 else run(periods)
+    result = first = run(25)
+    for periods in (50, 100, 200):
+        result = result if result.summary["solver_events"] >= 2 else run(periods)
     result = result if result.summary["solver_events"] else first
     compared = compare_with_reference(result, 1e-10).summary["against"]
     assert compared["agrees_until_s"] == result.scenario.run.duration

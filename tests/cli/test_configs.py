@@ -8,24 +8,8 @@ from shipped import PATHS, asked, shipped, unfit
 
 import beamsim
 from beamsim.system.build import build_system
-from tests.helpers.commands import invoke
 from tests.helpers.quoted import is_whole, wrong_on_screen
-
-SHORTENED = {
-    "chain_bumpers sweep": ("sweep.from=10 Hz", "sweep.to=11 Hz"),
-    "coexisting_motions sweep": ("sweep.starts.number=20", "sweep.disturbances=[]"),
-    "continuation_60_120hz sweep": ("sweep.from=96 Hz", "sweep.to=120 Hz", "sweep.seek_at=0"),
-    "continuation_friction sweep": ("sweep.from=4.95 Hz", "sweep.to=5.05 Hz", "sweep.levels=[6 N]"),
-    "continuation_overlay sweep": ("sweep.from=80 Hz", "sweep.to=86 Hz"),
-    "nnm_first nnm": ("nnm.continue_in.to=0.1", "reduction.modes=4"),
-    "nnm_forced_backbone nnm": ("nnm.phase_resonance.levels=[1 g]",),
-    "sweep_backlash sweep": ("sweep.rate=16 oct/min", "sweep.levels=[2 g]"),
-    "sweep_notched sweep": ("sweep.to=90 Hz",),
-    "sweep_one_sided_2g sweep": ("sweep.rate=16 oct/min",),
-    "sweep_up_down sweep": ("sweep.rate=16 oct/min", "sweep.levels=[2 g]"),
-    "vibeams sweep": ("sweep.levels=[0.028 m/s^2]",),
-}
-"""Config and command -> overrides that make it short."""
+from tests.helpers.solved import SHORTENED, words_of
 
 
 def test_advice_that_does_not_fit_is_found():
@@ -54,32 +38,21 @@ for path in PATHS:
 
 
 @pytest.mark.parametrize("command", sorted(COMMANDS))
-def test_configs_do_what_they_ask_for_and_their_screens_say_what_came_out(command, tmp_path):
+def test_configs_do_what_they_ask_for_and_their_screens_say_what_came_out(command, solve):
     """No verdict, heading, sentence or remedy of the screen contradicts a number of the file."""
     paths = [path for path in COMMANDS[command] if not is_whole(path, command)]
-    checked = {path.stem: faults(path, command, tmp_path / path.stem) for path in paths}
+    checked = {path.stem: faults(path, command, solve) for path in paths}
     assert checked
     assert {name: found for name, found in checked.items() if found} == {}
 
 
-def faults(path, command, folder):
+def faults(path, command, solve):
     """What is wrong with the screen and the file of a command on a config."""
-    changes = [word for change in SHORTENED.get(f"{path.stem} {command}", ()) for word in ("--set", change)]
-    done = invoke(command, path, *changes, "--no-plots", "-o", f"{folder}/")
+    done = solve(*words_of(command, path))
     if done.exit_code:
         return [done.output]
-    (file,) = folder.glob("*.h5")
-    return wrong_on_screen(done.stdout, file, command, beamsim.load_scenario(path, changes[1::2]))
-
-
-STUDIES = {
-    "design_robust": ("vary.tolerances.samples=3", "vary.tolerances.quantile=0.5", "vary.parameters[0].points=2"),
-    "design_stiffness_gap": ("vary.parameters[0].points=3", "vary.parameters[1].points=3"),
-    "design_tolerances": ("vary.samples=10",),
-    "design_two_motions": ("vary.samples=12",),
-    "exceedance": ("vary.samples=100", "limits.peak_force=21 N"),
-}
-"""Study -> overrides that make it short."""
+    changed = beamsim.load_scenario(path, SHORTENED.get(f"{path.stem} {command}", ()))
+    return wrong_on_screen(done.stdout, done.file, command, changed)
 
 
 @pytest.mark.parametrize(
@@ -87,9 +60,5 @@ STUDIES = {
     [path for path in PATHS if shipped(path).study is not None and not is_whole(path, "sweep")],
     ids=lambda path: path.stem,
 )
-def test_the_screen_of_a_study_says_what_came_out(path, tmp_path):
-    changes = [word for change in STUDIES.get(path.stem, ()) for word in ("--set", change)]
-    done = invoke("sweep", path, *changes, "--no-plots", "--workers", 1, "-o", f"{tmp_path}/")
-    assert done.exit_code == 0, done.output
-    (file,) = tmp_path.glob("*.h5")
-    assert wrong_on_screen(done.stdout, file, "sweep", beamsim.load_scenario(path, changes[1::2])) == []
+def test_the_screen_of_a_study_says_what_came_out(path, solve):
+    assert faults(path, "sweep", solve) == []

@@ -8,6 +8,7 @@ from shipped import config_path, shipped
 import beamsim
 from beamsim.analyses.studies.plan import design
 from beamsim.trust.studies import design_study
+from tests.helpers.solved import words_of
 
 
 def shortened(path, count=3):
@@ -21,6 +22,11 @@ def shortened(path, count=3):
         if getattr(parameter, "points", 0) > count:
             changes[f"vary.parameters[{index}].points"] = count
     return beamsim.load_scenario(path, changes)
+
+
+def solved_study(solve, name):
+    """The result of a shipped study as it stands, whose screen a document quotes."""
+    return beamsim.load(solve(*words_of("sweep", config_path(name))).file)
 
 
 def test_a_spring_nearer_to_the_tip_raises_the_first_closed_frequency_up_to_a_maximum():
@@ -58,10 +64,9 @@ def test_homogeneity_in_the_tolerance_study_of_zero_gap():
     assert np.ptp(one.responses[force].values) > 0.0
 
 
-def test_both_populations_of_the_sample_are_motions_of_one_part():
+def test_both_populations_of_the_sample_are_motions_of_one_part(solve):
     """The part with the largest force of the lower population has the higher motion, too, if released far away."""
-    scenario = shipped(config_path("design_two_motions"))
-    result = design_study(scenario)
+    result = solved_study(solve, "design_two_motions")
     force = result.table["snubbers/tip/peak_force"]
     low, high = result.summary["responses"]["snubbers/tip/peak_force"]["populations"]
     assert low["cases"] + high["cases"] == 100
@@ -83,8 +88,8 @@ def test_both_populations_of_the_sample_are_motions_of_one_part():
     assert high["smallest"] < late["far away"] < high["largest"]
 
 
-def test_a_tolerance_alone_is_the_run_with_it():
-    result = design_study(shipped(config_path("design_tornado")))
+def test_a_tolerance_alone_is_the_run_with_it(solve):
+    result = solved_study(solve, "design_tornado")
     swing = result.summary["sensitivity"]["snubbers/tip/peak_force"]["snubbers.tip.gap"]
     for end in ("smallest", "largest"):
         changes = {"vary": None, "snubbers.tip.gap": swing[f"{end}_at"]}
@@ -93,9 +98,9 @@ def test_a_tolerance_alone_is_the_run_with_it():
     assert abs(swing["smallest_at"]) == abs(swing["largest_at"]) == 5e-5
 
 
-def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_agrees():
+def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_agrees(solve):
     pytest.importorskip("openturns")
-    result = beamsim.design_study(shipped(config_path("exceedance")))
+    result = solved_study(solve, "exceedance")
     of = result.summary["reliability"]
     assert result.complete
     assert 3e-5 < of["low"] < of["probability"] < of["high"] < 3e-4
@@ -111,9 +116,9 @@ def test_the_design_point_of_a_probability_is_at_the_limit_and_the_first_order_a
 # --- searches ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits():
+def test_the_chosen_snubber_hits_less_hard_and_keeps_the_limits(solve):
     """The best design alone gives what the search says of it."""
-    result = beamsim.design_study(shipped(config_path("optimise_snubber")))
+    result = solved_study(solve, "optimise_snubber")
     best, first = result.summary["best"][0], result.summary["as_it_is"]
     assert best["value"] < 0.75 * first["value"]
     assert best["parameters"]["pad"] == "damping rubber"

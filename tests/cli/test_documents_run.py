@@ -8,19 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shipped import config_path
 
 import beamsim
-from tests.helpers.commands import invoke
+from tests.helpers.solved import words_of
 
 ROOT = Path(__file__).parents[2]
-FAST = ["--set", "sweep.rate=16 oct/min"]
-GIVEN = {  # by document what its readers have already: commands, and names
-    "README.md": ([["run", "configs/one_sided_65hz.yaml"], ["nnm", "configs/nnm_first.yaml"]], {}),
-    "docs/nonlinear_modes.md": ([], {}),
-    "docs/result_files.md": ([["run", "configs/one_sided_65hz.yaml", "-o", "case.h5"]], {}),
-    "docs/sensitivities.md": ([], {"scenario": "configs/studies/sensitivities.yaml"}),
-    "docs/studies.md": ([], {}),
-    "docs/sweeps.md": ([["sweep", "configs/thesis/sweep_one_sided_2g.yaml", "-o", "case.h5", *FAST]], {}),
+RUN, MODE = ("run", "configs/one_sided_65hz.yaml"), ("nnm", "configs/nnm_first.yaml")
+SWEEP = words_of("sweep", config_path("sweep_one_sided_2g"))
+GIVEN = {  # by document what its readers have already: result files, each with its command, and names
+    "README.md": ({"one_sided_65hz.h5": RUN, "nnm_first.h5": MODE}, {}),
+    "docs/nonlinear_modes.md": ({}, {}),
+    "docs/result_files.md": ({"case.h5": RUN}, {}),
+    "docs/sensitivities.md": ({}, {"scenario": "configs/studies/sensitivities.yaml"}),
+    "docs/studies.md": ({}, {}),
+    "docs/sweeps.md": ({"case.h5": SWEEP}, {}),
 }
 LISTS = {"docs/identification.md"}  # of what one result or another has
 
@@ -35,15 +37,16 @@ def test_every_document_with_python_is_run():
 
 
 @pytest.mark.parametrize("document", GIVEN)
-def test_python_of_a_document_runs_as_printed(document, tmp_path, monkeypatch):
+def test_python_of_a_document_runs_as_printed(document, solve, tmp_path, monkeypatch):
     for module in ("xarray", "h5netcdf"):
         pytest.importorskip(module)
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
-    commands, names = GIVEN[document]
-    for command in commands:
-        done = invoke(*command, "--no-plots", "-q")
+    files, names = GIVEN[document]
+    for name, command in files.items():
+        done = solve(*command)
         assert done.exit_code == 0, done.output
+        shutil.copy(done.file, name)
     known = {"beamsim": beamsim, **{name: beamsim.load_scenario(path) for name, path in names.items()}}
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):

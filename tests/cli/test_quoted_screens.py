@@ -1,16 +1,14 @@
 """Screens that the README and the documents quote are what the commands print now."""
 
 import re
-import shutil
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from shipped import config_path
 
 import beamsim
 from tests.helpers.commands import invoke
-from tests.helpers.quoted import QUOTED, is_whole, wrong_on_screen
+from tests.helpers.quoted import QUOTED, wrong_on_screen
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,18 +47,17 @@ def test_a_stale_line_is_found():
     QUOTED.items(),
     ids=[f"{document} {begins.split()[0]}" for document, begins in QUOTED],
 )
-def test_a_quoted_screen_is_what_is_printed(of, commands, tmp_path, monkeypatch):
+def test_a_quoted_screen_is_what_is_printed(of, commands, solve, monkeypatch):
     """No verdict, heading, sentence or remedy of the screen contradicts a number of the file, either."""
-    shutil.copytree(ROOT / "configs", tmp_path / "configs")
-    monkeypatch.chdir(tmp_path)
-    printed = ""
-    for command in commands:
-        many = command.startswith("sweep") and ("studies/" in command or "optimise" in command)
-        words = command.split()
-        done = invoke(*words, "--no-plots", *(("--workers", 1) if many else ()))
-        assert done.exit_code == 0, done.output
-        printed = done.output
-        if words[0] != "compare" and is_whole(config_path(Path(words[1]).stem), words[0]):
-            case = beamsim.load_scenario(words[1], words[3:])
-            assert wrong_on_screen(done.stdout, Path(f"{Path(words[1]).stem}.h5"), words[0], case) == []
+    monkeypatch.chdir(ROOT)
+    command, config, *changes = commands[0].split()
+    done = solve(command, config, *changes)
+    assert done.exit_code == 0, done.output
+    assert wrong_on_screen(done.stdout, done.file, command, beamsim.load_scenario(config, changes[1::2])) == []
+    printed = done.output
+    for further in commands[1:]:  # on the result of the first one
+        words = [done.file if word == done.file.name else word for word in further.split()]
+        result = invoke(*words, "--no-plots", "-o", f"{done.folder}/compared/")
+        assert result.exit_code == 0, result.output
+        printed = result.output
     assert missing(quoted(*of), printed) == []

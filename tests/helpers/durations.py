@@ -56,6 +56,10 @@ def slow_and_unrecorded(record: Durations, measured: Durations) -> list[str]:
     return sorted(found, key=lambda name: -measured[name])
 
 
+REUSED_S: list[float] = []
+"""What commands took that an earlier test executed, as a test counts them that reads what came of them."""
+
+
 def spent() -> float:
     """Seconds of processor time of this process, compilation apart, and of the children that have ended."""
     times = os.times()
@@ -72,15 +76,15 @@ class DurationRecorder:
 
     def pytest_runtest_logstart(self) -> None:
         """Begin to measure."""
-        self._begin = spent()
+        self._begin = spent() + sum(REUSED_S)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Write into the last report of a test what it took, its fixtures included."""
+        """Write into the last report of a test what it takes alone, its fixtures included."""
         if call.when == "teardown":
-            item.user_properties.append((PROPERTY, spent() - self._begin))
+            item.user_properties.append((PROPERTY, spent() + sum(REUSED_S) - self._begin))
         return (yield)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:

@@ -1,6 +1,7 @@
 """The shipped configs, each loaded once in a process."""
 
 import re
+from collections.abc import Collection
 from functools import cache
 from pathlib import Path
 
@@ -38,15 +39,19 @@ def _sort(value, key=""):
 
 
 @cache
-def _sort_of(path: Path) -> str:
-    return repr(_sort(shipped(path).model_dump(exclude_unset=True, by_alias=True)))
+def _sort_of(path: Path, without: frozenset[str]) -> str:
+    written = shipped(path).model_dump(exclude_unset=True, by_alias=True)
+    return repr(_sort({name: part for name, part in written.items() if name not in without}))
 
 
-def one_of_each_sort(paths: list[Path]) -> list[Path]:
-    """The first of those shipped configs that differ only in names and in the size of numbers, such as frequencies."""
+def one_of_each_sort(paths: list[Path], without: Collection[str] = ()) -> list[Path]:
+    """The first of those shipped configs that differ only in names and in the size of numbers, such as frequencies.
+
+    What they have in the sections `without` does not tell them apart.
+    """
     first: dict[str, Path] = {}
     for path in paths:
-        first.setdefault(_sort_of(path), path)
+        first.setdefault(_sort_of(path, frozenset(without)), path)
     return list(first.values())
 
 

@@ -37,7 +37,7 @@ def test_the_same_physics_in_other_words(seed, tmp_path):
     assert sum(f.outcome == "agrees" for f in findings) >= 5
 
 
-@first_apart("seed", 1, range(40, 48))
+@first_apart("seed", 1, range(40, 44))
 def test_more_scenarios_in_other_words(seed, tmp_path):
     assert [(f.source, f.words, f.differences) for f in rewrite(seed, tmp_path) if f.differences] == []
 
@@ -46,9 +46,6 @@ FOUND = {
     3000012: "a peak in a late contact, which the last digits move, and a mirror of 0 m",
     3000024: "the force of a stop of 50 GN/m with a prestress of 1 mm, of which one digit is 1e-8",
     3000116: "a moment whose correction weighed a place twice that was listed with another last digit",
-    3000167: "the same beside a load along a line",
-    3000181: "a mirror of 0 m",
-    3000215: "the same beside two forces",
     6000117: "a moment of one element with one mode, for which all loads were taken for one, the first one listed",
 }
 

@@ -1,4 +1,7 @@
-"""Every parameter of a continuation against the case that is written with its value and stepped, field by field."""
+"""Every parameter of a continuation against the case that is written with its value and stepped, field by field.
+
+The ranges are short, as only their ends are compared, and away from the value that is written.
+"""
 
 from __future__ import annotations
 
@@ -59,21 +62,21 @@ def beam(stop: dict, **others) -> dict:
 
 POSITION, GAP, STIFFNESS, LEVEL = "snubbers[0].position", "snubbers[0].gap", "snubbers[0].stiffness", "excitation.level"
 CASES = {
-    "stop on the ground, turning base: position": (beam({}), POSITION, (0.25, 0.27)),
-    "stop on a turning base: position": (beam({"mounted_on": "base"}), POSITION, (0.2, 0.26)),
+    "stop on the ground, turning base: position": (beam({}), POSITION, (0.262, 0.27)),
+    "stop on a turning base: position": (beam({"mounted_on": "base"}), POSITION, (0.25, 0.26)),
     "turning about a point, damping ratio: position": (
-        beam(RATIO, excitation={**TURNING, "about": "100 mm"}), POSITION, (0.2, 0.27),
+        beam(RATIO, excitation={**TURNING, "about": "100 mm"}), POSITION, (0.255, 0.27),
     ),
-    "lifted base, damping ratio: position": (beam(RATIO, excitation=LIFTED), POSITION, (0.2, 0.27)),
-    "table on the ground: position": (beam(TABLE), POSITION, (0.2, 0.24)),
-    "Maxwell branch: position": (beam(MAXWELL, excitation=LIFTED), POSITION, (0.2, 0.24)),
-    "friction under the stop: position": (beam(PRESSING, **PRESSED), POSITION, (0.2, 0.26)),
-    "friction under the stop: gap": (beam(PRESSING, **PRESSED), GAP, (-2e-5, -1e-5)),
-    "friction under the stop: stiffness": (beam(PRESSING, **PRESSED), STIFFNESS, (1e5, 2e5)),
-    "stop on the base: gap": (beam({"mounted_on": "base"}, excitation=LIFTED), GAP, (0.0, 2e-4)),
-    "stop on the ground, turning base: gap": (beam({}), GAP, (-1e-5, 1e-4)),
-    "Maxwell branch: gap": (beam(MAXWELL, excitation=LIFTED), GAP, (0.0, 1e-4)),
-    "damping ratio: stiffness": (beam(RATIO), STIFFNESS, (5e4, 2e5)),
+    "lifted base, damping ratio: position": (beam(RATIO, excitation=LIFTED), POSITION, (0.255, 0.27)),
+    "table on the ground: position": (beam(TABLE), POSITION, (0.234, 0.24)),
+    "Maxwell branch: position": (beam(MAXWELL, excitation=LIFTED), POSITION, (0.234, 0.24)),
+    "friction under the stop: position": (beam(PRESSING, **PRESSED), POSITION, (0.25, 0.26)),
+    "friction under the stop: gap": (beam(PRESSING, **PRESSED), GAP, (-2e-5, -1.7e-5)),
+    "friction under the stop: stiffness": (beam(PRESSING, **PRESSED), STIFFNESS, (1.9e5, 2e5)),
+    "stop on the base: gap": (beam({"mounted_on": "base"}, excitation=LIFTED), GAP, (0.0, 5e-5)),
+    "stop on the ground, turning base: gap": (beam({}), GAP, (-1e-5, 2e-5)),
+    "Maxwell branch: gap": (beam(MAXWELL, excitation=LIFTED), GAP, (0.0, 3e-5)),
+    "damping ratio: stiffness": (beam(RATIO), STIFFNESS, (1.7e5, 2e5)),
     "stop on the ground, turning base: level": (beam({}), LEVEL, (20.0, 80.0)),
     "stop on the ground, gravity: level": (beam({}, **LOADED), LEVEL, (5.0, 15.0)),
 }  # fmt: skip
@@ -108,16 +111,16 @@ BOTH = {**ON_FLAP, "side": "both"}
 SHAKEN = {"kind": "harmonic", "applied_to": {"support": "left", "body": "arm"}, "level": "1 g", "frequency": 20.0}
 ASSEMBLIES = {
     "assembly, hinge, two stops, turning base: position": (
-        assembly(HINGED, [ON_FLAP, ON_ARM]), "snubbers[0].at.position", (0.06, 0.14),
+        assembly(HINGED, [ON_FLAP, ON_ARM]), "snubbers[0].at.position", (0.13, 0.14),
     ),
     "assembly, spring, pair of stops, turning base: position": (
-        assembly(SPRUNG, [BOTH]), "snubbers[0].at.position", (0.08, 0.14),
+        assembly(SPRUNG, [BOTH]), "snubbers[0].at.position", (0.13, 0.14),
     ),
     "assembly, hinge, pair of stops and one more: gap": (assembly(HINGED, [BOTH, ON_ARM]), GAP, (5e-5, 2e-4)),
     "assembly, rigid, stop between bodies, gravity: stiffness": (
-        assembly({"kind": "rigid"}, [BETWEEN, ON_ARM], **LOADED), STIFFNESS, (2e4, 5e4),
+        assembly({"kind": "rigid"}, [BETWEEN, ON_ARM], **LOADED), STIFFNESS, (4.5e4, 5e4),
     ),
-    "assembly, spring, moved support: gap": (assembly(SPRUNG, [ON_FLAP], excitation=SHAKEN), GAP, (0.0, 2e-4)),
+    "assembly, spring, moved support: gap": (assembly(SPRUNG, [ON_FLAP], excitation=SHAKEN), GAP, (0.0, 4e-5)),
     "assembly, hinge, two stops, moved support: level": (
         assembly(HINGED, [ON_FLAP, ON_ARM], excitation=SHAKEN), LEVEL, (5.0, 12.0),
     ),
@@ -238,7 +241,7 @@ def test_the_share_of_a_turning_base_is_worth_a_third():
 def test_a_stop_at_the_axis_of_the_base_feels_nothing_of_it():
     """Where the axis lies at the written position its share is zero, and elsewhere it is not."""
     scenario = beam({"position": 0.23}, excitation={**TURNING, "about": "230 mm"})
-    branch = followed(scenario, POSITION, (0.2, 0.26))
+    branch = followed(scenario, POSITION, (0.25, 0.26))
     assert branch["status"].item().startswith("reached")
     for end in (0, -1):
         anew = measured_along(stepped(scenario, POSITION, float(branch["parameter"].values[end])), 0)
