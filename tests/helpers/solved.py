@@ -25,7 +25,7 @@ SHORTENED = {
         "vary.tolerances.samples=3", "vary.tolerances.quantile=0.5", "vary.parameters[0].points=2",
     ),
     "design_tolerances sweep": ("vary.samples=10",),
-    "earthquake run": ("run.duration=4 s",),
+    "earthquake run": ("run.duration=4 s", "run.convergence=off"),
     "plate_panel run": ("run.duration=0.3 s",),
     "nnm_forced_backbone nnm": ("nnm.phase_resonance.levels=[1 g]",),
     "nnm_forced_mode_1 nnm": ("nnm.phase_resonance.levels=[1 g]", "nnm.phase_resonance.periods=5"),

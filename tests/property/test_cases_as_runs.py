@@ -50,12 +50,12 @@ def shortened(path):
 def scenario_and_result(path, solve):
     """A shipped case and its result alone: that of the command whose screen is read, too, unless it is shorter here."""
     section = "run" if shipped(path).sweep is None else "sweep"
+    words, more = words_of(section, path), shortened(path)
     compared = {"vary": None, "optimise": None, f"{section}.convergence": "on"}
-    if shortened(path) or shipped(path).study is not None or path in EXAMPLES or section not in asked(path):
-        scenario = beamsim.load_scenario(path, compared | shortened(path))
+    scenario = beamsim.load_scenario(beamsim.load_scenario(path, words[3::2]), compared | more)
+    if more or shipped(path).study is not None or path in EXAMPLES or section not in asked(path):
         return scenario, alone(scenario)
-    words = words_of(section, path)
-    return beamsim.load_scenario(beamsim.load_scenario(path, words[3::2]), compared), beamsim.load(solve(*words).file)
+    return scenario, beamsim.load(solve(*words).file)
 
 
 def analysis_of(scenario):
