@@ -29,7 +29,6 @@ SHORTENED = {
     "plate_panel run": ("run.duration=0.3 s",),
     "nnm_forced_backbone nnm": ("nnm.phase_resonance.levels=[1 g]",),
     "nnm_forced_mode_1 nnm": ("nnm.phase_resonance.levels=[1 g]", "nnm.phase_resonance.periods=5"),
-    "nnm_forced_mode_2 nnm": ("nnm.phase_resonance.levels=[1 g]", "nnm.phase_resonance.periods=5"),
     "sweep_backlash sweep": ("sweep.from=40 Hz", "sweep.to=100 Hz", "sweep.rate=16 oct/min", "sweep.levels=[2 g]"),
     "sweep_notched sweep": ("sweep.to=67 Hz",),
     "sweep_one_sided_2g sweep": ("sweep.from=50 Hz", "sweep.to=110 Hz", "sweep.rate=32 oct/min"),

@@ -23,9 +23,15 @@ VARIED = ("run.duration", "sweep.to", "sweep.parameter.to", "excitation.level") 
 QUICK = ("one_sided_65hz", "dry_friction", "foam_drop")
 SHORT = {  # others are as long as where their screens are read, or as they stand
     "sweep_notched": {"sweep.to": "70 Hz", "sweep.rate": "16 oct/min"},
-    "continuation_friction": {"sweep.from": "4.95 Hz", "sweep.to": "5.05 Hz", "sweep.levels": ["6 N"]},
-    "continuation_60_120hz": {"sweep.from": "80 Hz", "sweep.to": "86 Hz"},
-    "vibeams": {"sweep.from": "28.5 Hz", "sweep.to": "28.7 Hz", "sweep.levels": ["0.028 m/s^2"]},
+    "continuation_60_120hz": {"sweep.from": "80 Hz", "sweep.to": "84 Hz"},
+    "continuation_folds": {"sweep.follow_folds_in.to": "0.1 N"},
+    "continuation_gap": {"sweep.continue_in.to": "0.1 mm"},
+    "continuation_harmonic_balance": {"sweep.to": "76 Hz"},
+    "continuation_level": {"sweep.continue_in.to": "0.5 g"},
+    "continuation_overlay": {"sweep.from": "80 Hz", "sweep.to": "81 Hz"},
+    "continuation_position": {"sweep.continue_in.from": "260 mm"},
+    "continuation_stiffness": {"sweep.continue_in.to": "60 kN/m"},
+    "two_panels_opening": {"sweep.continue_in.to": "0.5 g"},
     "shock_matched": {"run.duration": "0.1 s"}, "earthquake": {"run.duration": "1 s"},
 }  # fmt: skip
 
