@@ -48,7 +48,7 @@ class FabricatedScenario:
     def to_yaml(self) -> str:
         return YAML
 
-    def file_records(self, *, as_read: bool) -> dict[str, object]:
+    def file_records(self, *, unchanged_only: bool) -> dict[str, object]:
         return {}
 
 
