@@ -2,15 +2,12 @@
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from sampling import first_apart
 
 import beamsim
 from beamsim.analyses.coexisting.analysis import Marches
@@ -29,7 +26,7 @@ sweep:
   kind: coexisting
   at: [14 Hz]
   unstable: false
-  starts: {kind: states, number: 16, box: [{probe: mass, displacement: [-10 mm, 10 mm], velocity: [-1 m/s, 1 m/s]}]}
+  starts: {kind: states, number: 8, box: [{probe: mass, displacement: [-10 mm, 10 mm], velocity: [-1 m/s, 1 m/s]}]}
   disturbances: [{kind: impulse, probe: mass, to: 0.5 N s}]
 """
 JOURNAL = journal_path(Path("case.h5"))
@@ -66,13 +63,15 @@ def same_results(whole):
     assert summary["disturbances"]
 
 
-@first_apart("last", 1, [10, 17])  # amid the starts, and amid the disturbances
-def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch, heeded):
-    begun = []
+@pytest.mark.parametrize(("last", "killed"), [(5, False), (9, True)])  # amid the starts, and amid the disturbances
+def test_an_interrupted_or_killed_one_goes_on_where_it_was(last, killed, whole, monkeypatch, heeded):
+    """Killed, it leaves the journal as it is on the disk at that time, perhaps with half of a line."""
+    begun, journals = [], []
 
     def solve(self, case, real=Marches.__call__):
         begun.append(case.number)
         if len(begun) == last:
+            journals.append(JOURNAL.read_bytes())
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.3)
         return real(self, case)
@@ -83,7 +82,14 @@ def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch, heede
     assert f"{last - 1} starts and disturbances are kept; --resume computes the others" in done.output
     part = beamsim.load("case.h5")
     assert part.outcome.interrupted
-    assert np.count_nonzero(part["starts"]["cycles"].values) == min(last - 1, 16)
+    assert np.count_nonzero(part["starts"]["cycles"].values) == min(last - 1, 8)
+    if killed:
+        line = journals[0].splitlines()[-1]
+        JOURNAL.write_bytes(journals[0] + line[: len(line) // 2])
+        Path("case.h5").unlink()
+        refused = invoke("sweep", "case.yaml", "--resume", "--set", "excitation.level=3.9 N")
+        assert refused.exit_code == 2
+        assert "belongs to another study" in refused.output
     again = invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume")
     assert again.exit_code == 0, again.output
     assert f"{last - 1} starts and disturbances are already computed" in again.output
@@ -91,18 +97,3 @@ def test_an_interrupted_one_goes_on_where_it_was(last, whole, monkeypatch, heede
     same_results(whole)
     assert not JOURNAL.exists()
     assert "nothing to compute" in invoke("sweep", "case.yaml", "--resume").output
-
-
-def test_a_killed_one_goes_on_where_it_was(whole):
-    command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", "--workers", "2", "--no-plots"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        while process.poll() is None and not (JOURNAL.exists() and JOURNAL.read_bytes().count(b"\n") > 10):
-            time.sleep(0.002)
-        process.kill()
-    assert JOURNAL.read_bytes().count(b"\n") > 10
-    assert not Path("case.h5").exists()
-    refused = invoke("sweep", "case.yaml", "--resume", "--set", "excitation.level=3.9 N")
-    assert refused.exit_code == 2
-    assert "belongs to another study" in refused.output
-    assert invoke("sweep", "case.yaml", "--workers", 1, "--no-plots", "--resume").exit_code == 0
-    same_results(whole)

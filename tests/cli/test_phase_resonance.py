@@ -22,6 +22,25 @@ from tests.helpers.commands import invoke
 BACKBONE = config_path("nnm_forced_backbone")
 SHORT = {"nnm.continue_in": {"kind": "energy", "from": "5 mJ", "to": "30 mJ"}}
 
+CHAIN = {
+    "title": "Chain",
+    "chain": {
+        "masses": [1, 1, 1], "springs": [1, 1, 1, 1], "dashpots": [0.01, 0.01, 0.01, 0.01],
+        "snubbers": [{"name": "stop", "mass": 3, "side": "below", "stiffness": 2, "gap": 0.2}],
+    },
+    "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "5 mN", "frequency": "0.13 Hz"},
+    "nnm": {
+        "mode": 1, "continue_in": {"kind": "energy", "from": "10 mJ", "to": "1 J"},
+        "phase_resonance": {"periods": 5},
+    },
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def chain():
+    """A force on a mass, by the excitation's own level, in newtons."""
+    return nnm(load_scenario(CHAIN))
+
 
 @pytest.fixture(scope="module")
 def held():
@@ -57,20 +76,20 @@ def test_predicted_and_found(held):
     assert energy[0] < first < second < energy[-1]
 
 
-def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, monkeypatch):
+def test_energies_are_in_balance_and_a_lost_one_is_not_trusted(held, chain, monkeypatch):
     assert np.all(held["phase_resonance"]["energy_error"].values > 0.0)
     assert held["phase_resonance"]["energy_error"].values.max() < 1e-10
     assert held["resonance_curves"]["energy_error"].values.max() < 1e-10
-    levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
+    assert chain.outcome.trusted
     monkeypatch.setattr(periodic_motion, "energy_errors", lambda motions: np.full(len(motions.maps), 3e-5))
-    lost = nnm(load_scenario(BACKBONE, SHORT | levels))
+    lost = nnm(load_scenario(CHAIN))
     assert lost["phase_resonance"]["outcome"].item() == "orbit_energy_not_balanced"
-    assert "at level 7.84532 m/s^2" in lost.status
+    assert "at level 0.005 N" in lost.status
     assert not lost.outcome.trusted
     assert lost["phase_resonance"]["found"].values.all()  # and kept
 
 
-def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
+def test_a_level_is_found_beside_a_thin_tongue(chain, monkeypatch):
     """Where no motion is found on the way from one point of the backbone to the next, halves of it are tried."""
     tried = []
 
@@ -80,8 +99,7 @@ def test_a_level_is_found_beside_a_thin_tongue(held, monkeypatch):
             return super().locate(*functions) if len(tried) > 2 else None
 
     monkeypatch.setattr(phase_resonance, "BranchStep", Blocked)
-    levels = {"nnm.phase_resonance": {"levels": ["0.8 g"], "periods": 1, "span": "1 %"}}
-    one, other = (each["phase_resonance"] for each in (nnm(load_scenario(BACKBONE, SHORT | levels)), held))
+    one, other = (each["phase_resonance"] for each in (nnm(load_scenario(CHAIN)), chain))
     assert one["predicted_energy"].values[0] == pytest.approx(other["predicted_energy"].values[0], rel=1e-6)
     np.testing.assert_allclose(np.array(tried[1:3]) / tried[0], [0.5, 0.25], rtol=1e-6)
 
@@ -168,21 +186,8 @@ def test_scales_with_the_level():
     np.testing.assert_allclose(per_level, expected[0], rtol=1e-9)
 
 
-def test_point_force_on_a_chain():
-    """A force on a mass, by the excitation's own level, in newtons."""
-    case = {
-        "title": "Chain",
-        "chain": {
-            "masses": [1, 1, 1], "springs": [1, 1, 1, 1], "dashpots": [0.01, 0.01, 0.01, 0.01],
-            "snubbers": [{"name": "stop", "mass": 3, "side": "below", "stiffness": 2, "gap": 0.2}],
-        },
-        "excitation": {"kind": "harmonic", "applied_to": {"mass": 1}, "level": "5 mN", "frequency": "0.13 Hz"},
-        "nnm": {
-            "mode": 1, "continue_in": {"kind": "energy", "from": "10 mJ", "to": "1 J"},
-            "phase_resonance": {"periods": 5},
-        },
-    }  # fmt: skip
-    result = nnm(load_scenario(case))["phase_resonance"]
+def test_point_force_on_a_chain(chain):
+    result = chain["phase_resonance"]
     assert result["level"].unit == "N"
     assert result["found"].values.tolist() == [True]
     assert result["level_for_amplitude"].item() == pytest.approx(5e-3, rel=0.02)
@@ -191,14 +196,14 @@ def test_point_force_on_a_chain():
 @pytest.mark.parametrize(
     ("changes", "where", "text"),
     [
-        ({"nnm.phase_resonance.levels": ["90 g"]}, "nnm.phase_resonance.levels[0]", "follow it to about"),
-        ({"nnm.phase_resonance.levels": ["0.1 g"]}, "nnm.phase_resonance.levels[0]", "below the backbone"),
-        ({"beam.damping": None, "snubbers[0].damping": None}, "nnm.phase_resonance", "no damping"),
+        ({"nnm.phase_resonance.levels": ["90 N"]}, "nnm.phase_resonance.levels[0]", "follow it to about"),
+        ({"nnm.phase_resonance.levels": ["0.1 mN"]}, "nnm.phase_resonance.levels[0]", "below the backbone"),
+        ({"chain.dashpots": None}, "nnm.phase_resonance", "no damping"),
     ],
 )
 def test_what_only_the_motions_show_is_refused(changes, where, text):
     with pytest.raises(ScenarioError) as error:
-        nnm(load_scenario(BACKBONE, SHORT | changes))
+        nnm(load_scenario(CHAIN, changes))
     assert error.value.problems[0].path == where
     assert error.match(text)
 
