@@ -75,17 +75,17 @@ class Evaluator:
     """
 
     def __init__(
-        self, solving: AbstractContextManager[Callable[[Iterable[Case]], Iterator[CaseOutcome]]], *, most: int,
-        realisations: int = 1, compared: bool = False, most_further: int = 0, known: Iterable[CaseOutcome] = (),
-        each: Callable[[CaseOutcome], None] | None = None,
+        self, solving: AbstractContextManager[Callable[[Iterable[Case]], Iterator[CaseOutcome]]], *, most_cases: int,
+        realisations: int = 1, with_finer_model: bool = False, most_further: int = 0,
+        solved_before: Iterable[CaseOutcome] = (), each: Callable[[CaseOutcome], None] | None = None,
     ) -> None:  # fmt: skip
-        self.most = most
+        self.most = most_cases
         self.rows: list[tuple[Value, ...]] = []  # the values of every case that was asked for, by its number
         self.outcomes: dict[int, CaseOutcome] = {}  # of these, by index: realisations of a case follow each other
         self.ended = ""  # "interrupted", or "most_cases" where more were asked for than are allowed
-        self._known = {(outcome.index, outcome.compared): outcome for outcome in known}
+        self._known = {(outcome.index, outcome.compared): outcome for outcome in solved_before}
         self._each, self._count, self._solving, self._open = each, realisations, solving, ExitStack()
-        self._compared, self._most_further = compared, most_further
+        self._compared, self._most_further = with_finer_model, most_further
         self.further: dict[int, Case] = {}  # further realisations of cases, by number
 
     def __enter__(self) -> Self:
@@ -117,7 +117,7 @@ class Evaluator:
         ----------
         indices : of realisations of cases that were asked for.
         """
-        if not self._solve([self._case(index, compared=True) for index in indices]):
+        if not self._solve([self._case(index, with_finer_model=True) for index in indices]):
             self.ended = "interrupted"
             raise StopEvaluation
 
@@ -144,10 +144,10 @@ class Evaluator:
             raise StopEvaluation
         return [self.outcomes[number] for number in new]
 
-    def _case(self, index: int, compared: bool) -> Case:
+    def _case(self, index: int, with_finer_model: bool) -> Case:
         if index in self.further:
-            return replace(self.further[index], compared=compared)
-        return Case(index, self.rows[index // self._count], index % self._count, compared)
+            return replace(self.further[index], compared=with_finer_model)
+        return Case(index, self.rows[index // self._count], index % self._count, with_finer_model)
 
     def _solve(self, cases: Sequence[Case]) -> bool:
         """Find the outcomes of cases, and say whether all are found: a stop prevents some."""
@@ -173,10 +173,10 @@ class Evaluator:
         return self._open.enter_context(self._solving)
 
 
-def probability(met: Bools) -> dict[str, Any]:
+def probability(holds: Bools) -> dict[str, Any]:
     """Share of the cases in which something holds, with the 95 % interval of its probability (Clopper and Pearson)."""
     from scipy.stats import binomtest
 
-    test = binomtest(int(met.sum()), met.size)
+    test = binomtest(int(holds.sum()), holds.size)
     interval = test.proportion_ci(0.95)
-    return {"share": test.statistic, "low": float(interval.low), "high": float(interval.high), "cases": met.size}
+    return {"share": test.statistic, "low": float(interval.low), "high": float(interval.high), "cases": holds.size}

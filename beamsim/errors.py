@@ -73,9 +73,9 @@ class MethodError(BeamsimError):
 
     exit_code = ExitCode.USAGE
 
-    def __init__(self, about: str, message: str, remedy: str = "") -> None:
-        self.about, self.message, self.remedy = about, message, remedy
-        super().__init__(str(Problem(about, message, remedy)))
+    def __init__(self, obstacle: str, message: str, remedy: str = "") -> None:
+        self.about, self.message, self.remedy = obstacle, message, remedy
+        super().__init__(str(Problem(obstacle, message, remedy)))
 
 
 @contextmanager

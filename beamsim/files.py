@@ -246,14 +246,14 @@ def free_memory() -> float:
     return max(free, 0.0)
 
 
-def demand_memory(path: Path | str, needed: float, why: str, remedy: str = _EXPORT_LESS) -> None:
+def demand_memory(path: Path | str, needed: float, purpose: str, remedy: str = _EXPORT_LESS) -> None:
     """Refuse a file whose content has no room in memory.
 
     Parameters
     ----------
     path : of the file.
     needed : bytes of memory.
-    why : what they are for; goes on from the number.
+    purpose : what they are for; goes on from the number.
     remedy : what to do about it, besides taking a machine with more memory.
 
     Raises
@@ -262,7 +262,7 @@ def demand_memory(path: Path | str, needed: float, why: str, remedy: str = _EXPO
         If less is free.
     """
     if needed > ALWAYS_TRIED and needed > (free := free_memory()):
-        message = f"needs {bytes_text(needed)} of memory {why}, and {bytes_text(free)} are free"
+        message = f"needs {bytes_text(needed)} of memory {purpose}, and {bytes_text(free)} are free"
         raise InputFileError(message, f"{remedy}, or use a machine with more memory", path)
 
 
@@ -273,7 +273,7 @@ def no_memory(path: Path | str, size: float) -> InputFileError:
 
 
 @contextmanager
-def reading(path: Path | str, called: str, remedy: str = "it is damaged: export it again") -> Iterator[None]:
+def reading(path: Path | str, format_name: str, remedy: str = "it is damaged: export it again") -> Iterator[None]:
     """The boundary of a reader: whatever a damaged file causes in the block becomes a refusal with the file's name.
 
     Libraries raise exceptions of any type on damaged files, and warn of what they cannot know. Refusals of this package
@@ -282,7 +282,7 @@ def reading(path: Path | str, called: str, remedy: str = "it is damaged: export 
     Parameters
     ----------
     path : of the file.
-    called : name of the format.
+    format_name : name of the format.
     remedy : what to do about a damaged file.
 
     Raises
@@ -300,7 +300,7 @@ def reading(path: Path | str, called: str, remedy: str = "it is damaged: export 
         raise no_memory(path, os.stat(path).st_size) from None
     except Exception as error:
         reason = " ".join((str(error) or type(error).__name__).split())[:300]
-        raise InputFileError(f"cannot be read as {called} ({reason})", remedy, path) from None
+        raise InputFileError(f"cannot be read as {format_name} ({reason})", remedy, path) from None
 
 
 # --- What may be replaced --------------------------------------------------------------------------------------------
@@ -326,7 +326,7 @@ class Placement:
 
     path: Path  # as the user gave it, or its `partial_file`
     target: Path  # the same without symbolic links
-    found: Content  # of the file there; ``OUTPUT`` where there is none
+    present: Content  # of the file there; ``OUTPUT`` where there is none
     moves_aside: bool  # whether that file gets another name first, instead of being replaced
 
 
@@ -377,11 +377,11 @@ def destination(
 
 
 def _replacement(
-    path: Path | str, target: Path, there: os.stat_result, new: Content, examine: Callable[[Path], Content] | None
+    path: Path | str, target: Path, present: os.stat_result, new: Content, examine: Callable[[Path], Content] | None
 ) -> Placement:
     """Where a file is written in the place of one that is not empty; see `destination`."""
     own, found = _ACCESS.get().written.get(target), Content.OUTPUT
-    if own == state_of(there):
+    if own == state_of(present):
         found = Content.CONTAINED
     elif examine is not None:
         found = examine(target)
@@ -542,7 +542,7 @@ def _replace_and_keep(temporary: Path, place: Placement, replace: Callable[[Path
         _put_back(aside, place.target)
         raise
     kept = place.path.with_name(aside.name) if place.path.name == place.target.name else aside
-    _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.found.value, kept)
+    _LOG.warning("warning: %s held %s; it is kept in %s", place.path, place.present.value, kept)
 
 
 def _replace_patiently(temporary: Path, target: Path) -> None:
@@ -555,12 +555,12 @@ def _replace_patiently(temporary: Path, target: Path) -> None:
     os.replace(temporary, target)
 
 
-def _put_back(aside: Path, target: Path) -> None:
+def _put_back(present: Path, target: Path) -> None:
     """Give a file its name again that was given a second one, or another one on file systems without links."""
     if target.exists():  # under both names
-        _remove(aside)
+        _remove(present)
     else:
-        os.rename(aside, target)
+        os.rename(present, target)
 
 
 def move_aside(path: Path) -> Path:

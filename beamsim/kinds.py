@@ -15,7 +15,7 @@ class Kind(NamedTuple):
     """One kind of result."""
 
     command: str  # that writes it
-    called: str
+    description: str
     analysis: str  # function of a scenario that computes it
     result: str  # its class
     screen: str  # function of a result: what is printed first

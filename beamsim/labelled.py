@@ -346,23 +346,23 @@ class Dataset(Mapping[str, LabelledArray]):
         return made
 
 
-def _select_item(item: Item, own: NDArray[np.bool_], axis: int) -> Item:
-    """A variable at its ``own`` numbers (n,) along an axis, with what its attributes say of these."""
+def _select_item(item: Item, selected: NDArray[np.bool_], axis: int) -> Item:
+    """A variable at its ``selected`` numbers (n,) along an axis, with what its attributes say of these."""
     attributes = dict(item.attributes)
     if ABSENT in attributes:
-        attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(own, absent_in(item), axis)).tolist())
+        attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(selected, absent_in(item), axis)).tolist())
     if OF_EACH in attributes and axis == 0:
-        units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[own].tolist()
+        units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[selected].tolist()
         attributes[OF_EACH] = json.dumps(units, ensure_ascii=False)
-    return replace(item, attributes=attributes, array=np.compress(own, item.values, axis))
+    return replace(item, attributes=attributes, array=np.compress(selected, item.values, axis))
 
 
-def join_tables(parts: Sequence[Dataset], **values: Any) -> Dataset:
+def join_tables(tables: Sequence[Dataset], **values: Any) -> Dataset:
     """Tables of the same variables as one, the rows of one after those of another.
 
     Parameters
     ----------
-    parts : at least one; what is not along the rows is that of the first.
+    tables : at least one; what is not along the rows is that of the first.
     values : along the rows, which take the place of their own: first the numbers of the rows, by the name of the
         dimension.
 
@@ -370,12 +370,12 @@ def join_tables(parts: Sequence[Dataset], **values: Any) -> Dataset:
     -------
     Dataset
     """
-    first, dim = parts[0], next(iter(values))
+    first, dim = tables[0], next(iter(values))
     items = dict(first.items_by_path)
     for name, array in first.items():
         if dim in array.dims:
             along = array.dims.index(dim)
-            whole = values[name] if name in values else np.concatenate([part[name].values for part in parts], along)
+            whole = values[name] if name in values else np.concatenate([part[name].values for part in tables], along)
             items[f"/{first.name}/{name}"] = replace(items[f"/{first.name}/{name}"], array=np.asarray(whole))
     return Dataset(first.name, items)
 
@@ -411,14 +411,14 @@ class Layout:
     optional: bool = False  # whether a result may lack it
 
     def dataset(
-        self, values: Mapping[str, Any], of_members: Mapping[str, Sequence[Words]] | None = None, **words: str
+        self, values: Mapping[str, Any], member_words: Mapping[str, Sequence[Words]] | None = None, **words: str
     ) -> Dataset:
         """The dataset of these values.
 
         Parameters
         ----------
         values : by variable an array along its dimensions; None where there is none.
-        of_members : by dimension what each member says in units and meanings.
+        member_words : by dimension what each member says in units and meanings.
         words : what all say.
 
         Returns
@@ -443,7 +443,7 @@ class Layout:
             array, absent = _array_of(known[name], declared.type)
             if array.shape != tuple(sizes[dim] for dim in declared.dims):
                 raise TypeError(f"{name} is along {', '.join(declared.dims)}, not of the shape {array.shape}")
-            each = (of_members or {}).get(declared.dims[0] if declared.dims else "")
+            each = (member_words or {}).get(declared.dims[0] if declared.dims else "")
             units, meanings = (_texts(text, each, words) for text in (declared.unit or "1", declared.meaning))
             together = [" | ".join(dict.fromkeys(texts)) for texts in (units, meanings)]
             attributes: dict[str, Any] = {"units": together[0] or "1", "long_name": together[1]}
@@ -457,13 +457,13 @@ class Layout:
             items[f"/{self.name}/{name}"] = Item(attributes, array, axes, scale)
         return Dataset(self.name, items)
 
-    def table(self, rows: Sequence[Any], of_rows: Sequence[Words] = (), **values: Any) -> Dataset:
+    def table(self, rows: Sequence[Any], row_words: Sequence[Words] = (), **values: Any) -> Dataset:
         """The dataset of a table whose columns are attributes of its rows.
 
         Parameters
         ----------
         rows : objects, with an attribute for each variable along the first dimension alone that is not in ``values``.
-        of_rows : what each row says in units and meanings.
+        row_words : what each row says in units and meanings.
         values : of the other variables; those of the first dimension are numbers from 1 unless they are given.
 
         Returns
@@ -477,7 +477,7 @@ class Layout:
                 column = [getattr(row, name) for row in rows]
                 lacking = declared.optional and all(value is None for value in column)
                 columns[name] = None if lacking else column
-        return self.dataset(columns | values, {dim: of_rows} if of_rows or not rows else None)
+        return self.dataset(columns | values, {dim: row_words} if row_words or not rows else None)
 
     def _dimensions(self, known: Mapping[str, Any]) -> list[str]:
         """The dimensions of a dataset with these variables."""
@@ -541,8 +541,8 @@ def _array_of(values: Any, kind: type) -> tuple[NDArray[Any], list[int]]:
     return np.asarray(array, dtype=object if kind is str else kind), np.flatnonzero(unknown).tolist()
 
 
-def _texts(text: str, each: Sequence[Words] | None, words: Words) -> list[str]:
+def _texts(text: str, member_words: Sequence[Words] | None, words: Words) -> list[str]:
     """A text with its words replaced: one, or one for each member where they say something in it."""
     if "{" not in text:
         return [text]
-    return [text.format_map({**words, **of}) for of in (({},) if each is None else each)]
+    return [text.format_map({**words, **of}) for of in (({},) if member_words is None else member_words)]

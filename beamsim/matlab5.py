@@ -93,18 +93,18 @@ def _elements(path: Path, raw: bytes, order: str) -> Iterator[bytes]:
         at += 8 + size
 
 
-def _inflate(path: Path, packed: bytes, most: float) -> bytes:
-    """What was compressed, if it is complete and no more than ``most`` bytes."""
+def _inflate(path: Path, compressed: bytes, most_bytes: float) -> bytes:
+    """What was compressed, if it is complete and no more than ``most_bytes`` bytes."""
     reader, parts, size = zlib.decompressobj(), list[bytes](), 0
     while not reader.eof:
         try:
-            part = reader.decompress(packed, _INFLATED_AT_ONCE)
+            part = reader.decompress(compressed, _INFLATED_AT_ONCE)
         except zlib.error as error:
             raise ValueError(f"a compressed element is damaged ({error})") from None
-        packed, size = reader.unconsumed_tail, size + len(part)
-        if not part and not packed and not reader.eof:
+        compressed, size = reader.unconsumed_tail, size + len(part)
+        if not part and not compressed and not reader.eof:
             raise ValueError("a compressed element is incomplete")
-        if size > most:
+        if size > most_bytes:
             raise no_memory(path, path.stat().st_size)
         parts.append(part)
     return b"".join(parts)

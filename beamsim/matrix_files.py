@@ -115,13 +115,13 @@ def _finite(entries: Any) -> Any:
     return entries
 
 
-def _demand_unique(rows: Any, columns: Any, place: Callable[[int], str]) -> None:
+def _demand_unique(rows: Any, columns: Any, place_of: Callable[[int], str]) -> None:
     """Refuse two entries of one place, which a sparse matrix would sum.
 
     Parameters
     ----------
     rows, columns : (n,) places of the entries.
-    place : name of that of an entry, by its number from 0.
+    place_of : name of that of an entry, by its number from 0.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def _demand_unique(rows: Any, columns: Any, place: Callable[[int], str]) -> None
     if same.any():
         first, second = sorted(order[np.flatnonzero(same)[0] :][:2].tolist())
         raise MethodError(
-            "file", f"has two entries for {place(second)}, numbers {first + 1} and {second + 1}",
+            "file", f"has two entries for {place_of(second)}, numbers {first + 1} and {second + 1}",
             "remove one of them, or give each of two matrices a file",
         )  # fmt: skip
 

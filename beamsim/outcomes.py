@@ -574,14 +574,14 @@ def numbers_text(value: Any) -> str:
     )
 
 
-def first_of(texts: Sequence[str], most: int) -> str:
+def first_of(texts: Sequence[str], largest_count: int) -> str:
     """Texts separated by commas, the first ones if there are many.
 
     >>> first_of(["a", "b", "c"], 2), first_of(["a", "b"], 2)
     ('a, b and 1 more', 'a, b')
     """
-    more = f" and {len(texts) - most} more" if len(texts) > most else ""
-    return ", ".join(texts[:most]) + more
+    more = f" and {len(texts) - largest_count} more" if len(texts) > largest_count else ""
+    return ", ".join(texts[:largest_count]) + more
 
 
 def _as_json(value: Any) -> Any:

@@ -66,11 +66,11 @@ class Computation(Generic[Item, Result]):
 
     Parameters
     ----------
-    make : makes the function of an item; sent to other processes, each of which calls it once.
+    make_function : makes the function of an item; sent to other processes, each of which calls it once.
     failed : the result of an item that failed twice, given the reason.
     """
 
-    make: Callable[[], Callable[[Item], Result]]
+    make_function: Callable[[], Callable[[Item], Result]]
     failed: Callable[[Item, str], Result]
 
     def function(self) -> Callable[[Item], Result]:
@@ -78,7 +78,7 @@ class Computation(Generic[Item, Result]):
 
         Errors of beamsim itself are raised at once: they would come again.
         """
-        compute = self.make()
+        compute = self.make_function()
 
         def attempted(item: Item, attempt: int = 1) -> Result:
             try:
@@ -202,14 +202,14 @@ class Workers(ABC):
 
 
 def _next_tasks(
-    capacity: int, busy: Sequence[_Task[Item]], unsent: Iterator[_Task[Item]], again: deque[_Task[Item]]
+    capacity: int, running: Sequence[_Task[Item]], waiting: Iterator[_Task[Item]], retries: deque[_Task[Item]]
 ) -> list[_Task[Item]]:
     """What a worker is sent that is busy with some tasks: one that waits to be tried again, alone, or new ones."""
-    if any(task.attempt > 1 for task in busy) or (again and busy):
+    if any(task.attempt > 1 for task in running) or (retries and running):
         return []
-    if again:
-        return [again.popleft()]
-    return list(islice(unsent, capacity - len(busy)))
+    if retries:
+        return [retries.popleft()]
+    return list(islice(waiting, capacity - len(running)))
 
 
 @contextmanager
@@ -291,17 +291,17 @@ class _ThisProcess(Generic[Item, Result]):
 class _WorkerFunction(threading.local):
     """The function that a worker computes by; threads of a cluster's worker have one each."""
 
-    sent: bytes = b""
+    pickled: bytes = b""
     function: Callable[[Any], Any]
 
 
 _RECEIVED = _WorkerFunction()
 
 
-def _compute_remotely(sent: bytes, item: Any) -> Any:
+def _compute_remotely(pickled: bytes, item: Any) -> Any:
     """Compute an item in another process, which keeps what the function has built for other items."""
-    if _RECEIVED.sent != sent:
-        _RECEIVED.function, _RECEIVED.sent = pickle.loads(sent).function(), sent
+    if _RECEIVED.pickled != pickled:
+        _RECEIVED.function, _RECEIVED.pickled = pickle.loads(pickled).function(), pickled
     return _RECEIVED.function(item)
 
 
@@ -311,8 +311,8 @@ def _compute_remotely(sent: bytes, item: Any) -> Any:
 class _Processes(Workers):
     """Processes of this machine, each by itself: where one ends, the others go on."""
 
-    def __init__(self, count: int, start: Callable[[], ProcessPoolExecutor], begun: Any) -> None:
-        self._start, self._begun = start, begun
+    def __init__(self, count: int, start: Callable[[], ProcessPoolExecutor], started: Any) -> None:
+        self._start, self._begun = start, started
         self.pools: dict[Hashable, ProcessPoolExecutor] = {k: start() for k in range(count)}
 
     def capacities(self) -> Mapping[Hashable, int]:
@@ -371,11 +371,11 @@ def processes(count: int) -> Iterator[Workers]:
             theirs.close()
 
 
-def _begin_worker(begun: Any, caller: Any) -> None:
+def _begin_worker(started: Any, caller: Any) -> None:
     """Ignore interrupts, which the caller handles, and end when it closes its side of a pipe, or ends itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    begun.set()
+    started.set()
 
     def end_with_caller() -> None:
         connection.wait([caller])
@@ -523,19 +523,23 @@ def _minor(python: object) -> str:
     return ".".join(str(python).split(".")[:2])
 
 
-def _difference(own: Any, other: Any, python: object) -> str:
+def _difference(own_versions: Any, other_versions: Any, python: object) -> str:
     """Versions of one side as text: of beamsim and Python, and what else differs from the other side.
 
     Parameters
     ----------
-    own, other : of `versions`, or the error that a side gave.
+    own_versions, other_versions : of `versions`, or the error that a side gave.
     python : version of Python of the side.
     """
-    if not isinstance(own, dict):
-        return f"no usable beamsim ({own}) with Python {_minor(python)}"
-    others = other if isinstance(other, dict) else own
-    names = [name for name in own if name not in ("beamsim", "Python") and own[name] != others.get(name)]
-    return f"beamsim {own['beamsim']} with Python {own['Python']}" + "".join(f", {name} {own[name]}" for name in names)
+    if not isinstance(own_versions, dict):
+        return f"no usable beamsim ({own_versions}) with Python {_minor(python)}"
+    others = other_versions if isinstance(other_versions, dict) else own_versions
+    names = [
+        name for name in own_versions if name not in ("beamsim", "Python") and own_versions[name] != others.get(name)
+    ]
+    return f"beamsim {own_versions['beamsim']} with Python {own_versions['Python']}" + "".join(
+        f", {name} {own_versions[name]}" for name in names
+    )
 
 
 def _lost(cluster: Cluster, reason: object) -> str:

@@ -52,14 +52,14 @@ def record(required: Mapping[str, Any], optional: Mapping[str, Any] | None = Non
     return TypedDict("Record", parts)  # type: ignore[operator]
 
 
-def by_name(of: Any) -> Any:
+def by_name(value_type: Any) -> Any:
     """The type of a mapping from names to values of a type that `record` made."""
-    return GenericAlias(dict, (str, of))
+    return GenericAlias(dict, (str, value_type))
 
 
-def list_of(of: Any) -> Any:
+def list_of(value_type: Any) -> Any:
     """The type of a list of values of a type that `record` made."""
-    return GenericAlias(list, (of,))
+    return GenericAlias(list, (value_type,))
 
 
 class Entry(NamedTuple):

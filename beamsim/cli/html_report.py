@@ -74,7 +74,7 @@ def report(options: CommandOptions) -> None:
     plotly()  # fail early if plotly is missing
     kind = kind_of(path)
     with stored_result(path, open_files=options.open_files) as result, use_units(result.scenario.display_scales):
-        about = f"{KINDS[kind].called.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
+        about = f"{KINDS[kind].description.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = resolve_name(KINDS[kind].figures)(result)
         screen = resolve_name(KINDS[kind].screen)(result).text(result, [path.name])
         screen = screen.rpartition("\n")[0]  # without the files

@@ -47,7 +47,7 @@ class PictureStop:
     x: tuple[float, ...]  # of the places that it acts on
     y: tuple[float, ...]  # the same at rest
     face: Floats  # (nf,) row of its face
-    mount: float  # row of what holds the face of a stop at one place
+    mounting_row: float  # row of what holds the face of a stop at one place
     height: float  # rows, of what joins two masses of a row
     ends: Floats  # (nf, 1 or 2) rows above rest
     force: Floats  # (nf,) N

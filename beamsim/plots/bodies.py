@@ -41,7 +41,7 @@ def stops_of(result: RunResult) -> dict[str, SnubberNumbers]:
     }
 
 
-def stand_of(result: RunResult, stop: SnubberNumbers) -> Floats | None:
+def mounting_motion(result: RunResult, stop: SnubberNumbers) -> Floats | None:
     """How a stop moves relative to the base: with a support, by itself, or as it stays on the ground of a moving base.
 
     Parameters
@@ -74,7 +74,7 @@ def deflected_shapes(result: RunResult, name: str) -> Chart:
     marks: list[Curve] = []
     time = result["histories"]["time"].values
     for s in snubbers:
-        moved = stand_of(result, s)
+        moved = mounting_motion(result, s)
         shapes = [("at rest", np.nan_to_num(beam["static_shape"]), 0.0)]
         if moved is not None:
             instants = zip(beam["extreme_time"].values, beam["extreme_shape"].values, strict=True)

@@ -24,7 +24,7 @@ class BranchLine(NamedTuple):
     y: Floats
     stable: Bools
     style: dict[str, Any]  # with colour and width
-    special: Sequence[tuple[str, float, float]] = ()
+    special_points: Sequence[tuple[str, float, float]] = ()
 
 
 def branch_curves(lines: Sequence[BranchLine]) -> list[Curve]:
@@ -43,7 +43,7 @@ def branch_curves(lines: Sequence[BranchLine]) -> list[Curve]:
     if not all(line.stable.all() for line in lines):
         curves.append(Curve("unstable", np.zeros(0), np.zeros(0), {"color": "0.3", "linestyle": UNSTABLE}))
     for kind, mark in MARKS.items():
-        places = [(x, y) for line in lines for name, x, y in line.special if name == kind]
+        places = [(x, y) for line in lines for name, x, y in line.special_points if name == kind]
         if places:
             face = {"markerfacecolor": "white", "markeredgewidth": 0.8, "zorder": 4}
             curves.append(marks_curve(special_name(kind), places, marker=mark, markersize=4.5, color="0.2", **face))

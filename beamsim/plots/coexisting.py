@@ -13,14 +13,14 @@ _LABELS = ("stable, marks by share of the starts", "not periodic", "unstable")
 LARGEST_MARK, SMALLEST_MARK = 13.0, 3.0  # points, of a motion that all starts come to, or none
 
 
-def basins(result: CoexistingResult, at: int) -> Chart:
+def basins(result: CoexistingResult, frequency_index: int) -> Chart:
     """The starts at a frequency in the plane of the first two coordinates that vary, marked by where they end.
 
     Of one coordinate the number of the motion is drawn over it.
     """
     starts, motions = result["starts"], result["motions"]
-    hz = float(starts["frequency_hz"].values[at])
-    ends, known = starts["destination"].values[at], starts["cycles"].values[at] > 0
+    hz = float(starts["frequency_hz"].values[frequency_index])
+    ends, known = starts["destination"].values[frequency_index], starts["cycles"].values[frequency_index] > 0
     names, units = (starts[f"coordinate_{of}"].values.tolist() for of in ("name", "unit"))
     every = zip(names, units, starts["start"].values.T, strict=True)
     drawn = [(name.capitalize(), unit, x) for name, unit, x in every if np.ptp(x) > 0.0]
@@ -37,7 +37,9 @@ def basins(result: CoexistingResult, at: int) -> Chart:
         )
     more = f", {len(drawn) - 2} more coordinates drawn" if len(drawn) > 2 else ""
     title = f"{hz:.6g} Hz, {int(known.sum())} starts{more}"
-    return Chart(across[:2], up[:2], curves, whole="y" if len(drawn) < 2 else "", of="motions", title=title)
+    return Chart(
+        across[:2], up[:2], curves, integer_axes="y" if len(drawn) < 2 else "", curve_noun="motions", title=title
+    )
 
 
 def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:
@@ -53,7 +55,7 @@ def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:
         known = any(curve.label == label for curve in curves)
         curves.append(marks_curve("" if known else label, (hz, peak), marker="o", color=colour, **face))
     up = (f"{value.label.capitalize()} of {name}", value.unit)
-    return Chart(("Excitation frequency", HERTZ), up, curves, of="", y_ends=(0.0, None))
+    return Chart(("Excitation frequency", HERTZ), up, curves, curve_noun="", y_ends=(0.0, None))
 
 
 def coexisting_figures(result: CoexistingResult) -> dict[str, Picture]:

@@ -56,10 +56,12 @@ def spectra(c: ChannelComparison) -> Chart:
     return Chart(across, ("Level (dB re max)", ""), curves, x_ends=x_ends, y_ends=(top - DEEPEST_DB, top + 6))
 
 
-def response_spectra(c: ChannelComparison, of: RecordComparison) -> Chart:
+def response_spectra(c: ChannelComparison, record: RecordComparison) -> Chart:
     """Response spectra of both records."""
-    curves = _curve_pair((of.frequency_hz, of.predicted_response), (of.frequency_hz, of.measured_response))
-    across, up = ("Natural frequency of the oscillator", HERTZ), (f"Response spectrum, Q = {of.quality:g}", c.unit)
+    curves = _curve_pair(
+        (record.frequency_hz, record.predicted_response), (record.frequency_hz, record.measured_response)
+    )
+    across, up = ("Natural frequency of the oscillator", HERTZ), (f"Response spectrum, Q = {record.quality:g}", c.unit)
     return Chart(across, up, curves, log="xy")
 
 

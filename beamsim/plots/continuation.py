@@ -81,7 +81,7 @@ def _chart(
     at = result["points"]["parameter"].values
     known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves])
     log = logarithmic("y", known)
-    chart = Chart(_parameter(result), up, curves, limits, log, of="", y_ends=(None if log else 0.0, None))
+    chart = Chart(_parameter(result), up, curves, limits, log, curve_noun="", y_ends=(None if log else 0.0, None))
     return over_frequencies(chart, at) if result.parameter == "frequency" else chart
 
 
@@ -127,7 +127,7 @@ def harmonics(result: ContinuationResult, probe: str) -> Chart:
     top = max(float(line.y.max()) for line in lines)
     ends = (1e-4 * top, 2.0 * top) if top > 0.0 else (None, None)
     up = (f"Amplitude of {probe}{level}", "m")
-    return Chart(_parameter(result), up, branch_curves(lines), log="y", of="", y_ends=ends)
+    return Chart(_parameter(result), up, branch_curves(lines), log="y", curve_noun="", y_ends=ends)
 
 
 def fold_curves(result: ContinuationResult) -> Chart:
@@ -141,7 +141,7 @@ def fold_curves(result: ContinuationResult) -> Chart:
     begun = marks_curve("", places, marker="s", markersize=5, color="0.2", markerfacecolor="white")
     snubber = folds[0]["followed_snubber"].item()
     up = (f"{_WORDS[result.summary['second_parameter']]}{f' of {snubber}' if snubber else ''}", result.second_unit)
-    return Chart(("Excitation frequency", HERTZ), up, [*drawn, begun], of="")
+    return Chart(("Excitation frequency", HERTZ), up, [*drawn, begun], curve_noun="")
 
 
 def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:

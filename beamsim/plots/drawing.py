@@ -123,8 +123,8 @@ class Chart(NamedTuple):
     curves: Sequence[Curve]
     levels: Sequence[Guide] = ()  # on a linear axis those far above the curves are left out
     log: str = ""  # the letters of logarithmic axes
-    whole: str = ""  # those of axes that count: numbers between whole ones are not marked
-    of: str = "curves"  # the first `MOST_CURVES` are drawn, and the legend says of how many; all where empty
+    integer_axes: str = ""  # those of axes that count: numbers between whole ones are not marked
+    curve_noun: str = "curves"  # the first `MOST_CURVES` are drawn, and the legend says of how many; all where empty
     marks: Sequence[Curve] = ()  # drawn in addition to the curves, however many these are
     x_ends: Ends = (None, None)
     y_ends: Ends = (None, None)
@@ -132,12 +132,14 @@ class Chart(NamedTuple):
     title: str = ""
     legend: str = ""  # title of the legend, where no curves are left out
     names: Mapping[str, tuple[float, float]] = {}
-    more: Callable[[Axes, Scale, Scale], Any] | None = None  # draws what is no curve; is given the scales of the axes
+    draw_extra: Callable[[Axes, Scale, Scale], Any] | None = (
+        None  # draws what is no curve; is given the scales of the axes
+    )
 
     @property
     def drawn(self) -> list[Curve]:
         """The curves that are drawn."""
-        return list(self.curves)[: MOST_CURVES if self.of else None]
+        return list(self.curves)[: MOST_CURVES if self.curve_noun else None]
 
     @property
     def scales(self) -> tuple[Scale, Scale]:
@@ -154,7 +156,7 @@ class HeatMap(NamedTuple):
 
     across: Axis
     up: Axis
-    of: Axis
+    z_axis: Axis
     x: Floats  # (nx,)
     y: Floats  # (ny,)
     values: Floats  # (ny, nx)
@@ -233,12 +235,12 @@ def draw(ax: Axes, chart: Chart) -> None:
         style = {"color": "0.35", **level.style}
         ax.axhline(level.value * y.factor, label=level.label or "_nolegend_", **style)
     ax.set(**{f"{letter}scale": "log" for letter in chart.log})
-    if chart.more is not None:
-        chart.more(ax, x, y)
+    if chart.draw_extra is not None:
+        chart.draw_extra(ax, x, y)
     for set_ends, ends, scale in ((ax.set_xlim, chart.x_ends, x), (ax.set_ylim, chart.y_ends, y)):
         if ends != (None, None):
             set_ends(*(None if end is None else end * scale.factor for end in ends))
-    for letter in chart.whole:
+    for letter in chart.integer_axes:
         (ax.xaxis if letter == "x" else ax.yaxis).set_major_locator(MaxNLocator("auto", integer=True))
     for letter in chart.log:
         _label_logarithmic(ax.xaxis if letter == "x" else ax.yaxis)
@@ -246,7 +248,7 @@ def draw(ax: Axes, chart: Chart) -> None:
     ax.set_title(chart.title, fontsize="small", loc="left")
     if chart.note:
         _write_note(ax, chart.note)
-    left_out = f"{len(curves)} of {len(chart.curves)} {chart.of}" if len(chart.curves) > len(curves) else ""
+    left_out = f"{len(curves)} of {len(chart.curves)} {chart.curve_noun}" if len(chart.curves) > len(curves) else ""
     legend(ax, left_out or chart.legend)
     if chart.names:
         _annotate(ax, {name: (at[0] * x.factor, at[1] * y.factor) for name, at in chart.names.items()})
@@ -261,21 +263,21 @@ def _write_note(ax: Axes, note: str) -> None:
     )  # fmt: skip
 
 
-def thin_out(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
+def thin_out(x: Floats, y: Floats, largest_count: int) -> tuple[Floats, Floats]:
     """The same curve with at most about so many points: the lowest and highest value of every few.
 
     Parameters
     ----------
     x, y : (n,) arrays; y may have holes (nan).
-    most : number of points; a curve of fewer is kept as it is, and so is a loop, whose x decreases somewhere.
+    largest_count : number of points; a curve of fewer is kept as it is, and so is a loop, whose x decreases somewhere.
 
     Returns
     -------
     Arrays of equal length, in the order of the curve.
     """
-    if y.size <= most or np.any(x[1:] < x[:-1]):
+    if y.size <= largest_count or np.any(x[1:] < x[:-1]):
         return x, y
-    length = -(-2 * y.size // most)
+    length = -(-2 * y.size // largest_count)
     whole = y.size // length * length
     blocks = y[:whole].reshape(-1, length)
     first = np.arange(blocks.shape[0]) * length
@@ -285,9 +287,9 @@ def thin_out(x: Floats, y: Floats, most: int) -> tuple[Floats, Floats]:
     return x[pick], y[pick]
 
 
-def with_unit(words: str, scale: Scale) -> str:
+def with_unit(quantity: str, scale: Scale) -> str:
     """Label of an axis."""
-    return f"{words} ({scale.unit})" if scale.unit else words
+    return f"{quantity} ({scale.unit})" if scale.unit else quantity
 
 
 def finish(ax: Axes, xlabel: str, ylabel: str) -> None:
@@ -386,9 +388,9 @@ def dashed_line(ax: Axes, x: ArrayLike, y: ArrayLike, label: str) -> None:
         )
 
 
-def with_neighbours(chosen: Bools) -> Bools:
+def with_neighbours(selected: Bools) -> Bools:
     """Whether a point is chosen or next to one that is, so that curves of chosen points have no holes."""
-    return np.asarray(chosen | np.append(chosen[1:], False) | np.append(False, chosen[:-1]))
+    return np.asarray(selected | np.append(selected[1:], False) | np.append(False, selected[:-1]))
 
 
 def highest_in_bins(f: Floats, values: Floats, *, mean: bool = False) -> tuple[Floats, Floats]:

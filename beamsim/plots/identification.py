@@ -58,8 +58,9 @@ def frequencies(result: IdentificationResult, table: Dataset) -> Chart:
             ax.axvspan(*interval, color=RED, alpha=0.12, linewidth=0)
 
     return Chart(
-        ("Stiffness of the snubber", _STIFFNESS), ("Natural frequency", HERTZ), curves, measured, "xy", of="modes",
-        marks=[marks_curve("", fitted, marker="o", markersize=5, color=RED, markerfacecolor="white")], more=bounds,
+        ("Stiffness of the snubber", _STIFFNESS), ("Natural frequency", HERTZ), curves, measured, "xy",
+        curve_noun="modes", draw_extra=bounds,
+        marks=[marks_curve("", fitted, marker="o", markersize=5, color=RED, markerfacecolor="white")],
     )  # fmt: skip
 
 
@@ -120,7 +121,7 @@ def profile_curve(profile: Dataset) -> Chart:
     curve = Curve("", value, profile["misfit"].values, style)
     return Chart(
         across, ("Misfit above its minimum", ""), [curve], [level], y_ends=(0.0, max(3 * bound, 1e-12)),
-        more=lambda ax, *_: ax.locator_params(axis="x", nbins=3),  # panels may be narrow
+        draw_extra=lambda ax, *_: ax.locator_params(axis="x", nbins=3),  # panels may be narrow
     )  # fmt: skip
 
 
@@ -150,7 +151,7 @@ def harmonics(test: Dataset) -> list[Chart]:
             for label, mark, colour, values in marks
         ]  # fmt: skip
         up = (f"{words} (dB re largest)", "")
-        charts.append(Chart(across, up, curves, more=lambda ax, *_: ax.set_xticks(order)))
+        charts.append(Chart(across, up, curves, draw_extra=lambda ax, *_: ax.set_xticks(order)))
     return charts
 
 

@@ -49,19 +49,19 @@ def plot_model(sketch: Sketch, ax: Axes) -> None:
     ax.set_title(excitation_text(sketch.scenario), fontsize="medium", loc="left", wrap=True)
 
 
-def _number(ax: Axes, names: Sequence[Named], near: float) -> None:
+def _number(ax: Axes, names: Sequence[Named], margin: float) -> None:
     """A number at every named place, whose meaning the legend lists; places that coincide have one label.
 
     Parameters
     ----------
-    near : distance (m in the sketch) within which something to the right of a place has its number to the left.
+    margin : distance (m in the sketch) within which something to the right of a place has its number to the left.
     """
     numbers: dict[tuple[float, float], list[str]] = {}
     for k, (text, (x, y)) in enumerate(names, 1):
         numbers.setdefault((float(f"{x:.3g}"), round(y, 1)), []).append(str(k))
         ax.plot([], [], linestyle="none", label=f"{k}  {text}")
     for (x, y), those in numbers.items():
-        x_offset = -20 if any(0.0 < other - x < near for other, _ in numbers) else 12
+        x_offset = -20 if any(0.0 < other - x < margin for other, _ in numbers) else 12
         ax.annotate(
             ", ".join(those), (x, y), xytext=(x_offset, 9 if y - round(y) > -0.01 else -9), textcoords="offset points",
             va="center", fontsize="small", color="0.25", zorder=9, annotation_clip=False,
@@ -162,30 +162,30 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
             yield f"{part.applied_to.label}: {_level_text(part)}", (x, y - 0.3)
 
 
-def _carries(sketch: Sketch, part: Any, name: str) -> bool:
+def _carries(sketch: Sketch, excitation: Any, name: str) -> bool:
     """Whether a support that moves carries a stop along."""
     on, default = getattr(sketch.scenario.located_snubber(name).item, "mounted_on", None), sketch.scenario.default_body
-    support = part.applied_to
+    support = excitation.applied_to
     if not isinstance(on, SupportMounting) or support.joint:
         return False
     return (on.support, on.body or default) == (support.support, support.body or default)
 
 
-def _level_text(part: Any) -> str:
+def _level_text(excitation: Any) -> str:
     """The level of what has one alone, else its kind."""
-    levels = [amplitude_text(part, level) for _, level in part.levels()]
-    return levels[0] if len(levels) == 1 else str(part.kind).replace("_", " ")
+    levels = [amplitude_text(excitation, level) for _, level in excitation.levels()]
+    return levels[0] if len(levels) == 1 else str(excitation.kind).replace("_", " ")
 
 
-def _places_moved(sketch: Sketch, moving: Any) -> list[tuple[float, float]]:
+def _places_moved(sketch: Sketch, excitation: Any) -> list[tuple[float, float]]:
     """Where a support that moves is drawn, or a joint."""
     scenario = sketch.scenario
-    if moving.joint:
-        joined = next(each for each in (*scenario.joints, *scenario.springs_between) if each.name == moving.joint)
+    if excitation.joint:
+        joined = next(each for each in (*scenario.joints, *scenario.springs_between) if each.name == excitation.joint)
         return [sketch.point(place) for place in ends_of(site_in(scenario, joined))[-1:]]
-    line = sketch.lines_of(moving.body or scenario.default_body)[0]
+    line = sketch.lines_of(excitation.body or scenario.default_body)[0]
     ends = dict(zip(("left", "right"), line.coordinate[[0, -1]], strict=True))
-    return [tuple(line.at(ends[moving.support], sketch.rest))] if moving.support in ends else []
+    return [tuple(line.at(ends[excitation.support], sketch.rest))] if excitation.support in ends else []
 
 
 def _loaded(site: LoadSite, sketch: Sketch) -> Sequence[Place]:
@@ -214,16 +214,16 @@ def _spring(
     sketch: Sketch,
     ax: Axes,
     start: tuple[float, float],
-    others: Sequence[tuple[float, float]],
+    end_points: Sequence[tuple[float, float]],
     ground: tuple[float, float],
 ) -> tuple[float, float]:
     """A zigzag to the other point, or to the ground where there is none; returns its middle."""
-    first, last = np.array(start), np.array(others[0] if others else ground)
+    first, last = np.array(start), np.array(end_points[0] if end_points else ground)
     xy = first + np.r_[0, np.linspace(0.25, 0.75, 8), 1][:, None] * (last - first)
     level = abs(last[1] - first[1]) < 1e-9
     xy[:, 1 if level else 0] += np.array([0, 0, 1, -1, 1, -1, 1, -1, 0, 0]) * (0.045 if level else 0.008 * sketch.span)
     ax.plot(xy[:, 0], xy[:, 1], color=BODY, linewidth=1.0, zorder=2)
-    if not others:
+    if not end_points:
         ax.plot(*last, marker="s", markersize=7, color="0.25", clip_on=False)
     x, y = 0.5 * (first + last)
     return float(x), float(y)

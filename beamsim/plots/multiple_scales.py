@@ -41,7 +41,7 @@ def expanded_frequency(expansion: Dataset) -> Chart:
     return chart._replace(y_ends=(float(known.min()) - room, float(known.max()) + room))
 
 
-def differences(expansion: Dataset, name: str, orders: Sequence[float], what: str) -> Chart:
+def differences(expansion: Dataset, name: str, orders: Sequence[float], quantity: str) -> Chart:
     """Relative differences from exact motions over the factor, with the orders observed.
 
     Parameters
@@ -49,7 +49,7 @@ def differences(expansion: Dataset, name: str, orders: Sequence[float], what: st
     expansion : with nf factors.
     name : of the variable (nf, 3): differences of the linear mode and of both orders.
     orders : at which those of both orders fall, of the summary; nan where unknown.
-    what : differs.
+    quantity : differs.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def differences(expansion: Dataset, name: str, orders: Sequence[float], what: st
         label = f"order {k}" + (f": observed {orders[k - 1]:.2f}" if np.isfinite(orders[k - 1]) else "")
         use = order[values[order, k] > ROUND_OFF]
         curves.append(Curve(label, factor[use], values[use, k], {"marker": "."}))
-    return Chart(FACTOR, (f"Difference in {what}", ""), curves, log="xy")
+    return Chart(FACTOR, (f"Difference in {quantity}", ""), curves, log="xy")
 
 
 def plot_initial_vectors(expansion: Dataset, ax: Axes, stations: Stations) -> None:
@@ -115,7 +115,7 @@ def expanded_response(result: ContinuationResult, probe: str) -> Chart:
             for b in result.branches if b["period_multiple"].item() == 1 and b["level"].item() == of_level
         ]  # fmt: skip
     across, up = ("Excitation frequency", HERTZ), (f"Largest deflection of {probe}", "m")
-    return Chart(across, up, branch_curves(lines), of="", y_ends=(0.0, None))
+    return Chart(across, up, branch_curves(lines), curve_noun="", y_ends=(0.0, None))
 
 
 def forced_orders(result: ContinuationResult) -> Chart:

@@ -56,13 +56,13 @@ def backbone(result: NormalModeResult) -> Chart:
     if result.parameter == "stiffness_factor":
         drawn = [_columns(b, "parameter", "frequency_hz") for b in result.branches]
         return _with_resonance_names(
-            result, Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), _curves(result, drawn), of="")
+            result, Chart(("Stiffness factor ε", ""), ("Frequency", HERTZ), _curves(result, drawn), curve_noun="")
         )
     largest = [np.abs(b["initial_displacement"].values).max(axis=1) for b in result.branches]
     log = logarithmic("y", largest[0])
     curves = _curves(result, [(b["frequency_hz"].values, y) for b, y in zip(result.branches, largest, strict=True)])
     across, up = ("Frequency", HERTZ), ("Largest deflection at the extreme", "m")
-    return _with_resonance_names(result, Chart(across, up, curves, log=log, of=""))
+    return _with_resonance_names(result, Chart(across, up, curves, log=log, curve_noun=""))
 
 
 def _columns(branch: Dataset, across: str, up: str) -> tuple[Floats, Floats]:
@@ -74,7 +74,7 @@ def frequency_energy(result: NormalModeResult) -> Chart:
     curves = _curves(result, [_columns(b, "energy", "frequency_hz") for b in result.branches])
     log = logarithmic("x", result.branches[0]["energy"].values)
     return _with_resonance_names(
-        result, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, of="")
+        result, Chart(("Energy", Scale(1.0, "J")), ("Frequency", HERTZ), curves, log=log, curve_noun="")
     )
 
 
@@ -161,7 +161,7 @@ def motions(result: NormalModeResult) -> list[Chart]:
     time, across = result["motion"]["time"].values, ("Time", "s")
     curves = [Curve(name, time, deflection) for name, deflection in _nodes(result)]
     forces = [Curve(name, time, force.values) for name, force in result["motion"].by_label("force").items()]
-    pressed = [Chart(across, ("Contact force", "N"), forces, of="snubbers")] if forces else []
+    pressed = [Chart(across, ("Contact force", "N"), forces, curve_noun="snubbers")] if forces else []
     return [Chart(across, ("Displacement", "m"), curves), *pressed]
 
 
@@ -170,7 +170,7 @@ def phase_portrait(result: NormalModeResult) -> Chart:
     displacement, velocity = (result["motion"].by_label(name) for name in ("displacement", "velocity"))
     curves = [Curve(name, x.values, velocity[name].values) for name, x in displacement.items()]
     of = f" of {curves[0].label}" if len(curves) == 1 else ""
-    return Chart((f"Displacement{of}", "m"), (f"Velocity{of}", "m/s"), curves, of="probes")
+    return Chart((f"Displacement{of}", "m"), (f"Velocity{of}", "m/s"), curves, curve_noun="probes")
 
 
 def configuration(result: NormalModeResult) -> Chart:
@@ -211,7 +211,12 @@ def orbit_spectrum(result: NormalModeResult) -> Chart:
     away = f"; unstable: {100 * drift:.3g} % away at their end" if drift > DRIFT_SHOWN else ""
     legend = f"spectrum over {motion['periods'].item()} periods{away}"
     return Chart(
-        ("Frequency", HERTZ), ("Amplitude (dB re largest)", ""), curves, of="probes", y_ends=(FLOOR, 5.0), legend=legend
+        ("Frequency", HERTZ),
+        ("Amplitude (dB re largest)", ""),
+        curves,
+        curve_noun="probes",
+        y_ends=(FLOOR, 5.0),
+        legend=legend,
     )
 
 
@@ -287,7 +292,7 @@ def relaxed_figure(result: NormalModeResult) -> Picture:
     )
     steps = [Curve("", factor, passages.astype(float), {"drawstyle": "steps-mid"})]
     charts = [
-        Chart(FACTOR, ("Frequency", HERTZ), list(_relaxed_frequencies(result)), of=""),
+        Chart(FACTOR, ("Frequency", HERTZ), list(_relaxed_frequencies(result)), curve_noun=""),
         Chart(FACTOR, ("Difference from shooting", ""), apart, log="y"),
         Chart(FACTOR, ("Functional", ""), ended, [tolerance], log="y"),
         Chart(FACTOR, ("Motions computed in a step", ""), steps, title=cost, y_ends=(0.0, None)),

@@ -67,7 +67,7 @@ def resonances(result: NormalModeResult) -> Chart:
     ]
     shown = [predicted[:, 1], found[:, 1], *(line.y for line in lines.values())]
     up = (f"Largest deflection of {name}", scale_for("m", *shown))
-    chart = Chart(("Frequency", HERTZ), up, curves, of="")
+    chart = Chart(("Frequency", HERTZ), up, curves, curve_noun="")
     if not lines:
         return chart
     at, scale = np.concatenate([line.x for line in lines.values()]), _level_scale(result)
@@ -123,7 +123,7 @@ def level_spectrum(spectrum: Dataset, periods: int) -> Chart:
         for name, line in lines.items()
     ]
     across, up = ("Frequency", HERTZ), ("Amplitude (dB re largest)", "")
-    return Chart(across, up, curves, of="probes", x_ends=(0.0, highest), y_ends=(-120.0, 6.0))
+    return Chart(across, up, curves, curve_noun="probes", x_ends=(0.0, highest), y_ends=(-120.0, 6.0))
 
 
 def departure(result: NormalModeResult) -> Chart:
@@ -135,7 +135,7 @@ def departure(result: NormalModeResult) -> Chart:
         for k in np.flatnonzero(_is_followed(result))
     ]  # fmt: skip
     up = ("Distance from the mode\n(norm of energy)", "")
-    return Chart(("Period", ""), up, curves, of="levels", y_ends=(0.0, None))
+    return Chart(("Period", ""), up, curves, curve_noun="levels", y_ends=(0.0, None))
 
 
 def phase_resonance_figures(result: NormalModeResult) -> dict[str, Picture]:

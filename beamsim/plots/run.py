@@ -17,7 +17,7 @@ from beamsim.analyses.run.result import (
     misfit_of_matched,
 )
 from beamsim.labelled import Dataset, LabelledArray
-from beamsim.plots.bodies import body_figures, stand_of, stops_of
+from beamsim.plots.bodies import body_figures, mounting_motion, stops_of
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
@@ -54,7 +54,7 @@ SPECTRUM_DB = 60.0  # below the highest point of a spectrum, down to which its f
 DOUBTFUL_LINES = f"lines that are off by more than {100 * ALLOWED_ERROR:g} %"
 DECAYING_LINES = "lines, weighted to the beginning"
 DENSITY_SHOWN = 1e-7  # of the largest density, below which nothing is shown
-POWER_TOLD = 0.01  # of the power of a response, outside the band of the input
+POWER_NOTED = 0.01  # of the power of a response, outside the band of the input
 POWER_SHOWN = 1e-3  # of the input's largest density, below which a transmissibility is that of leakage and round-off
 _FREQUENCY = ("Frequency", "Hz")
 _MOMENT = "Contact moment"
@@ -71,7 +71,7 @@ _FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
 
 def histories(
     result: RunResult, up: Axis, values: Mapping[str, Floats], levels: Iterable[Guide] = (), note: str = "",
-    of: str = "probes",
+    noun: str = "probes",
 ) -> list[Chart]:  # fmt: skip
     """Time histories: the whole, and its last periods, unless that is the whole, or nothing happens then.
 
@@ -82,7 +82,7 @@ def histories(
     values : (nt,) at the output times, by name; the first are drawn.
     levels : to compare with.
     note : on the whole.
-    of : what the values are of.
+    noun : what the values are of.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def histories(
     start = max(begin, end - (6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)))
     curves = [Curve(name, time, x) for name, x in values.items()]
     ends = begin, end if end > begin else begin + 1.0
-    whole = Chart(("Time", plain_scale("s")), up, curves, list(levels), of=of, x_ends=ends, note=note)
+    whole = Chart(("Time", plain_scale("s")), up, curves, list(levels), curve_noun=noun, x_ends=ends, note=note)
     first = int(np.searchsorted(time, start))
     last = [Curve(name, time[first:], x[first:]) for name, x in values.items()]
     if result.scenario.excitation.shock or start <= begin or not any(np.any(curve.y) for curve in last):
@@ -122,7 +122,7 @@ def _faces(result: RunResult) -> Iterator[Guide]:
             yield Guide(f"face of {stop.name}", face, {"linewidth": 0.9, "linestyle": dashes})
 
 
-def _convergence_note(result: RunResult, entry: str, called: str = "peaks", quantity: str = "") -> str:
+def _convergence_note(result: RunResult, entry: str, noun: str = "peaks", quantity: str = "") -> str:
     """Which values of an entry have not converged, as a note: all, or those of one quantity."""
     errors = result.summary.get("convergence", {}).get(entry, {})
     listed = result.summary.get("doubtful", ())
@@ -131,7 +131,7 @@ def _convergence_note(result: RunResult, entry: str, called: str = "peaks", quan
     if quantity:  # the last word of a place
         places = {name: name.rpartition(" ")[0] for name in doubtful if name.rpartition(" ")[2] == quantity}
     texts = [f"{of} {100 * errors[name]:.2g}\N{NO-BREAK SPACE}%" for name, of in list(places.items())[:4]]
-    note = f"{called} not converged; error: {', '.join(texts)}{', …' * (len(places) > 4)}"
+    note = f"{noun} not converged; error: {', '.join(texts)}{', …' * (len(places) > 4)}"
     return note if places else ""
 
 
@@ -171,7 +171,7 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
     names = spectra["name"].values[shown].tolist()
     return Chart(
         across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""),
-        [Curve(name, places, level) for name, level in zip(names, levels, strict=True)], of="probes",
+        [Curve(name, places, level) for name, level in zip(names, levels, strict=True)], curve_noun="probes",
         marks=list(_marked_lines(spectra, int(shown[0]), unit, end)), x_ends=(0.0, end),
         y_ends=(top - 100.0, top + 6.0), note=_convergence_note(result, "spectral_lines", "lines", quantity),
     )  # fmt: skip
@@ -209,10 +209,10 @@ class _Phases(NamedTuple):
     up: tuple[str, Scale]
     displacement: Floats  # (nt,) m or rad
     velocity: Floats  # (nt,)
-    closed: Bools  # (nt,)
+    in_contact: Bools  # (nt,)
 
 
-def _phases(result: RunResult, kind: str, name: str, kept: slice) -> _Phases:
+def _phases(result: RunResult, kind: str, name: str, samples: slice) -> _Phases:
     """The motion at a snubber or a probe; where the stop moves that relative to it, so that contact begins at its gap.
 
     Parameters
@@ -220,7 +220,7 @@ def _phases(result: RunResult, kind: str, name: str, kept: slice) -> _Phases:
     result : of the run.
     kind : snubber or probe.
     name : of it.
-    kept : the samples that are drawn.
+    samples : the samples that are drawn.
     """
     histories, place = result["histories"], {kind: name}
     start = "snubber_" if kind == "snubber" else ""
@@ -228,13 +228,13 @@ def _phases(result: RunResult, kind: str, name: str, kept: slice) -> _Phases:
     w, v, closed = displacement.values, velocity.values, np.zeros(displacement.values.size, dtype=bool)
     words, stand = ("Displacement", "Velocity") if displacement.unit == "m" else ("Angle", "Angular velocity"), None
     if start:
-        closed, stand = histories["snubber_closed"].sel(**place).values, stand_of(result, stops_of(result)[name])
+        closed, stand = histories["snubber_closed"].sel(**place).values, mounting_motion(result, stops_of(result)[name])
     if stand is not None:
         w, v = w - stand, v - np.gradient(stand, histories["time"].values)
-    w, v = w[kept], v[kept]
+    w, v = w[samples], v[samples]
     relative = "" if stand is None else ", relative to the stop"
     across = f"At {name}{relative}\n{words[0]}", scale_for(displacement.unit, w)
-    return _Phases(across, (words[1], scale_for(f"{displacement.unit}/s", v)), w, v, closed[kept])
+    return _Phases(across, (words[1], scale_for(f"{displacement.unit}/s", v)), w, v, closed[samples])
 
 
 def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
@@ -308,7 +308,7 @@ def force_deflection(result: RunResult, unit: str = "N") -> Chart:
             in_contact = np.where(closed, force.values[-MOST_STATES:], np.nan)
             loops.append(Curve(name, penetration, in_contact, {"linewidth": 0.8}))
     across, up = (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
-    return Chart(across, (up, unit), loops, of="snubbers")
+    return Chart(across, (up, unit), loops, curve_noun="snubbers")
 
 
 def shock_response(srs: Dataset, note: str) -> Chart:
@@ -324,7 +324,7 @@ def shock_response(srs: Dataset, note: str) -> Chart:
     across, up = "Natural frequency of the oscillator", f"Peak acceleration, Q = {srs['quality'].item():g}"
     ends, low = (float(f[0]), float(f[-1])), 0.1 * float(maximax.min())
     limits = dict(zip(names, srs["limit"].values[: len(names)], strict=True)) if "limit" in srs else {}
-    chart = Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", of="", x_ends=ends, note=note)
+    chart = Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", curve_noun="", x_ends=ends, note=note)
     squeezes = low > 0.0 and any(curve.y.min() < low for curve in curves)  # a residual that is nothing
     return chart._replace(marks=limit_curves(limits, f), y_ends=(low if squeezes else None, None))
 
@@ -338,26 +338,26 @@ def matched_spectrum(matched: Dataset) -> Chart:
     title = f"Record {misfit['lowest_db']:+.1f} to {misfit['highest_db']:+.1f} dB from the curve"
     up = (f"Peak acceleration, Q = {misfit['quality']:g}", "m/s^2")
     across = ("Natural frequency of the oscillator", "Hz")
-    return Chart(across, up, curves, log="xy", of="", marks=[curve], title=title)
+    return Chart(across, up, curves, log="xy", curve_noun="", marks=[curve], title=title)
 
 
-def friction_loops(result: RunResult, moved: Mapping[str, LabelledArray]) -> list[Chart]:
+def friction_loops(result: RunResult, displacements: Mapping[str, LabelledArray]) -> list[Chart]:
     """Friction forces over displacements along the faces, and moments over angles: loops enclose the work lost.
 
     Parameters
     ----------
     result : of the run.
-    moved : displacements by friction contact.
+    displacements : displacements by friction contact.
     """
     forces, charts = result["histories"].by_label("friction_force"), []
     for unit, motion, label in _FRICTION:
         loops = [
             Curve(name, x.values[-MOST_STATES:], forces[name].values[-MOST_STATES:], {"linewidth": 0.8})
-            for name, x in moved.items()
+            for name, x in displacements.items()
             if x.unit == unit
         ]
         if loops:
-            charts.append(Chart((motion, unit), (label, FORCE_UNITS[unit]), loops, of="friction contacts"))
+            charts.append(Chart((motion, unit), (label, FORCE_UNITS[unit]), loops, curve_noun="friction contacts"))
     return charts
 
 
@@ -366,7 +366,7 @@ def spring_forces(result: RunResult, forces: Mapping[str, LabelledArray]) -> Cha
     extension = result["histories"].by_label("spring_extension")
     last = slice(-MOST_STATES, None)
     curves = [Curve(name, extension[name].values[last], force.values[last]) for name, force in forces.items()]
-    return Chart(("Extension", "m"), ("Spring force", "N"), curves, of="springs")
+    return Chart(("Extension", "m"), ("Spring force", "N"), curves, curve_noun="springs")
 
 
 def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
@@ -395,7 +395,7 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
         if any(peaks.values()):
             values = {name: of_unit[name] for name in sorted(peaks, key=lambda name: name not in strongest)}
             levels, note = limit_levels(limits, limit, both_signs=holds_what_it_met), _convergence_note(result, entry)
-            panels[picture] = histories(result, (label, unit), values, levels, note, of="snubbers")
+            panels[picture] = histories(result, (label, unit), values, levels, note, noun="snubbers")
     if outputs := result["histories"].by_label("output_value"):
         panels["outputs"] = _histories_of_outputs(result, outputs)
     return panels
@@ -439,7 +439,7 @@ def density(response: Dataset, note: str = "") -> Chart:
         power = signal["density"].values[1:]
         outside = float(power[~band].sum() / power.sum()) if power.any() and band.any() else 0.0
         over = "" if np.any(power > DENSITY_SHOWN * top) else " (over before)"
-        return str(signal["name"].item()) + (over or f" ({100 * outside:.2g} % outside)" * (outside > POWER_TOLD))
+        return str(signal["name"].item()) + (over or f" ({100 * outside:.2g} % outside)" * (outside > POWER_NOTED))
 
     curves = [Curve(name_of(s), f, power) for s, power in zip(drawn, powers, strict=True)]
     linear = []
@@ -455,7 +455,7 @@ def density(response: Dataset, note: str = "") -> Chart:
         up,
         curves,
         log="xy",
-        of="signals",
+        curve_noun="signals",
         marks=[*linear, *limit_curves(_limits(drawn), f)],
         note=note,
     )
@@ -485,7 +485,7 @@ def force_densities(response: Dataset) -> list[Chart]:
                 (label, Scale(1.0, squared)),
             )
             ends, marks = (float(shown[0]), float(shown[-1])), limit_curves(limits, f)
-            charts.append(Chart(_FREQUENCY, up, curves, log="xy", of="stops", marks=marks, x_ends=ends))
+            charts.append(Chart(_FREQUENCY, up, curves, log="xy", curve_noun="stops", marks=marks, x_ends=ends))
     return charts
 
 
@@ -510,7 +510,7 @@ def transmissibility(response: Dataset) -> Chart:
         for k, (name, size) in enumerate(sizes, int(on_base))  # 0 of the densities: input
     ]
     up = ("Transmissibility", "") if on_base else ("Displacement / force", Scale(1.0, "m/N"))
-    return Chart(_FREQUENCY, up, curves, log="xy", of="probes")
+    return Chart(_FREQUENCY, up, curves, log="xy", curve_noun="probes")
 
 
 def random_picture(result: RunResult, response: Dataset) -> Picture:
@@ -535,7 +535,9 @@ def crossings(response: Dataset) -> Chart:
     across, up = ("Level above the mean (standard deviations)", ""), ("Upward crossings, those of the mean = 1", "")
     crossed = level[np.any([curve.y > 0.0 for curve in curves], axis=0)] if curves else level
     ends = min(float(crossed[0]), -4.0) - 0.5, max(float(crossed[-1]), 4.0) + 0.5
-    return Chart(across, up, curves, log="y", of="signals", marks=[gaussian], x_ends=ends, y_ends=(0.5 * least, 3.0))
+    return Chart(
+        across, up, curves, log="y", curve_noun="signals", marks=[gaussian], x_ends=ends, y_ends=(0.5 * least, 3.0)
+    )
 
 
 def _strongest_impacts(result: RunResult, unit: str) -> dict[str, Dataset]:
@@ -547,18 +549,18 @@ def _strongest_impacts(result: RunResult, unit: str) -> dict[str, Dataset]:
     return {name: every[name] for name in hit if name in kept}
 
 
-def impact_map(impacts: Mapping[str, Dataset], many: int, end: float, unit: str = "m") -> Chart:
+def impact_map(impacts: Mapping[str, Dataset], impact_count: int, end: float, unit: str = "m") -> Chart:
     """Peak force of every impact over its time, each snubber with its mark; small marks where impacts are many.
 
     Parameters
     ----------
     impacts : by snubber.
-    many : number of all impacts of the run.
+    impact_count : number of all impacts of the run.
     end : of the run, s, with which the axis ends: a few impacts are seen where they are in it.
     unit : m of snubbers, rad of stops of hinges.
     """
-    size = float(np.clip(120.0 / np.sqrt(max(many, 1)), 1.5, 5.0))
-    marks = {"linestyle": "none", "markersize": size, "markerfacecolor": "none", "rasterized": many > 20_000}
+    size = float(np.clip(120.0 / np.sqrt(max(impact_count, 1)), 1.5, 5.0))
+    marks = {"linestyle": "none", "markersize": size, "markerfacecolor": "none", "rasterized": impact_count > 20_000}
     curves = [
         Curve(name, of["peak_time"].values, of["peak_force"].values, {**marks, "marker": _MARKS[k]})
         for k, (name, of) in enumerate(impacts.items())
@@ -582,21 +584,21 @@ def plot_peak_forces(impacts: Mapping[str, Dataset], ax: Axes, unit: str = "m") 
     legend(ax)
 
 
-def cycles(counted: Mapping[str, Dataset], label: str, unit: str, of: str, title: str = "") -> Chart:
+def cycles(cycles_by_name: Mapping[str, Dataset], label: str, unit: str, noun: str, title: str = "") -> Chart:
     """Number of counted cycles whose range is larger, over the range.
 
     Parameters
     ----------
-    counted : cycles by name.
+    cycles_by_name : cycles by name.
     label, unit : of the axis of ranges.
-    of : what the cycles are counted of, for a legend that leaves some out.
+    noun : what the cycles are counted of, for a legend that leaves some out.
     title : of the panel.
 
     Returns
     -------
     A curve for each name with cycles.
     """
-    drawn = {name: rainflow for name, rainflow in counted.items() if rainflow["range"].values.size}
+    drawn = {name: rainflow for name, rainflow in cycles_by_name.items() if rainflow["range"].values.size}
     curves = []
     for name, rainflow in drawn.items():
         order = np.argsort(-rainflow["range"].values, kind="stable")
@@ -604,7 +606,9 @@ def cycles(counted: Mapping[str, Dataset], label: str, unit: str, of: str, title
         x, y = np.append(0.5 * number[:1], number), np.append(ranges, 0.0)
         curves.append(Curve(name, x, y, {"drawstyle": "steps-post"}))
     up = (label, unit if drawn else "")
-    return Chart(("Cycles with a larger range", ""), up, curves, log="x", of=of, y_ends=(0.0, None), title=title)
+    return Chart(
+        ("Cycles with a larger range", ""), up, curves, log="x", curve_noun=noun, y_ends=(0.0, None), title=title
+    )
 
 
 def damage_text(result: RunResult, body: Mapping[str, Any], *, short: bool = False) -> str:

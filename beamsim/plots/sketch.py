@@ -42,12 +42,14 @@ class Line:
     coordinate: Floats  # (k,) of the body
     stations: Ints  # (k,) their numbers
     continuous: bool
-    up: Floats | float = 0.0  # (k,) rows above ``row`` at rest, of nodes in space
+    rows_above: Floats | float = 0.0  # (k,) rows above ``row`` at rest, of nodes in space
     pairs: Ints | None = None  # (m, 2) of its points that are joined; all in their order where None
 
     def at(self, coordinate: float, heights: Floats) -> Floats:
         """(2,) where a point is drawn; ``heights`` (nx,) are those of the stations."""
-        x, height = (np.interp(coordinate, self.coordinate, y) for y in (self.x, self.up + heights[self.stations]))
+        x, height = (
+            np.interp(coordinate, self.coordinate, y) for y in (self.x, self.rows_above + heights[self.stations])
+        )
         return np.array([x, self.row + height])
 
 
@@ -159,7 +161,7 @@ class Sketch:
             for line in lines:
                 size = 0.0 if line.continuous else 6.0 if line.x.size <= MANY_NODES else 2.0
                 style: dict[str, Any] = {"color": BODY, "linewidth": 0.7 if size else 1.6, "zorder": 3}
-                y = line.row + line.up + heights[line.stations]
+                y = line.row + line.rows_above + heights[line.stations]
                 if line.pairs is None:
                     ax.plot(line.x[[0, -1]], [line.row, line.row], color=REST, linewidth=0.8, zorder=1)
                 else:

@@ -13,7 +13,7 @@ from beamsim.structures.places import ON_PLATE, StationPart, Stations
 from beamsim.typing import Floats
 
 
-def draw_along(ax: Axes, stations: Stations, words: str, shapes: Sequence[tuple[str, Floats, dict[str, Any]]]) -> None:
+def draw_along(ax: Axes, stations: Stations, label: str, shapes: Sequence[tuple[str, Floats, dict[str, Any]]]) -> None:
     """Shapes over the stations of all bodies, with labelled axes; of several bodies the name is at the end of each.
 
     Parameters
@@ -35,7 +35,7 @@ def draw_along(ax: Axes, stations: Stations, words: str, shapes: Sequence[tuple[
         names.append(part.axis.label + unit)
         if not part.axis.continuous and len(stations.parts) == 1:  # masses have whole numbers
             ax.set_xticks(x[:: -(-x.size // 20)])  # at most 20
-    finish(ax, " / ".join(dict.fromkeys(names)), with_unit(words, scale))
+    finish(ax, " / ".join(dict.fromkeys(names)), with_unit(label, scale))
     legend(ax)
 
 

@@ -89,7 +89,7 @@ def response_curves(result: StudyResult, quantity: str) -> Chart:
         _write_words(ax, parameter)
 
     up = (_words(quantity), _unit(result, quantity))
-    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(result, parameter), more=bands)
+    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(result, parameter), draw_extra=bands)
 
 
 def _limit_level(result: StudyResult, quantity: str) -> list[Guide]:
@@ -119,7 +119,7 @@ def _label_contours(ax: Axes, lines: ContourSet) -> list[Text]:
 
 
 def plot_response_map(
-    result: StudyResult, ax: Axes, name: str, at: tuple[int, ...] = (), best: int | None = None
+    result: StudyResult, ax: Axes, name: str, slice_index: tuple[int, ...] = (), best_case: int | None = None
 ) -> None:
     """One response over the first two parameters of a grid, a cell for each case, crossed where beyond the limit.
 
@@ -130,18 +130,18 @@ def plot_response_map(
     result : of a grid of two or more parameters.
     ax : to draw on.
     name : of a response with one value a case.
-    at : numbers of the values of all further parameters.
-    best : number of the best case, which is marked if it is on the map.
+    slice_index : numbers of the values of all further parameters.
+    best_case : number of the best case, which is marked if it is on the map.
     """
     judged = result.deciding_values(name).reshape(result.shape)
     scale, limit = scale_for(result.units[name], judged, digits=3), _limit(result, _quantity(name))
     every: Any = np.ma.masked_invalid(judged * scale.factor)
-    values = every[(slice(None), slice(None), *at)].T
+    values = every[(slice(None), slice(None), *slice_index)].T
     beyond = np.ma.filled(values > (np.inf if limit is None else limit * scale.factor), False)
     cells = ax.imshow(values, origin="lower", aspect="auto", cmap="cividis", vmin=every.min(), vmax=every.max())
     bar = ax.figure.colorbar(cells, ax=ax, label=with_unit(_title_of(name), scale))
-    starred = () if best is None else tuple(int(k) for k in np.unravel_index(best, result.shape))
-    star = starred[:2] if starred[2:] == at else ()
+    starred = () if best_case is None else tuple(int(k) for k in np.unravel_index(best_case, result.shape))
+    star = starred[:2] if starred[2:] == slice_index else ()
     if all(size <= most for size, most in zip(values.shape, MOST_NUMBERED, strict=True)):
         _write_cells(ax, values, beyond, cells.norm, star)
     else:
@@ -160,21 +160,21 @@ def plot_response_map(
         axis.set_ticks(list(shown), [texts[k] for k in shown])
     finish(ax, *(_axis(parameter)[1] for parameter in axes[:2]))
     ax.grid(visible=False)
-    further = zip(axes[2:], at, strict=True)
+    further = zip(axes[2:], slice_index, strict=True)
     ax.set_title(", ".join(f"{_axis(p)[1]}: {_value_text(p, k)}" for p, k in further), fontsize="small", loc="left")
 
 
-def _write_cells(ax: Axes, values: Any, beyond: Any, norm: Any, star: tuple[int, ...]) -> None:
+def _write_cells(ax: Axes, values: Any, exceeds: Any, norm: Any, star: tuple[int, ...]) -> None:
     """The number in every cell, black on light ones, with a star in the best case and a cross beyond the limit.
 
     Parameters
     ----------
-    values, beyond : (ny, nx) masked numbers, and whether they are beyond the limit.
+    values, exceeds : (ny, nx) masked numbers, and whether they are beyond the limit.
     norm : of the colours.
     star : (i, j) of the best case; empty where it is not on the map.
     """
     for j, i in zip(*np.nonzero(~np.ma.getmaskarray(values)), strict=True):
-        best, text = (i, j) == star, f"{'✕ ' * bool(beyond[j, i])}{values[j, i]:.3g}"
+        best, text = (i, j) == star, f"{'✕ ' * bool(exceeds[j, i])}{values[j, i]:.3g}"
         ax.text(
             i, j, f"★ {text}" if best else text, ha="center", va="center", fontsize="x-small",
             fontweight="bold" if best else "normal", color="black" if norm(values[j, i]) > 0.55 else "white",
@@ -240,14 +240,14 @@ def plot_sensitivity(result: StudyResult, ax: Axes, name: str) -> None:
     finish(ax, label, "")
 
 
-def _importance(of: Mapping[str, Any]) -> float:
+def _importance(entry: Mapping[str, Any]) -> float:
     """What ranks a parameter among those of a response."""
-    if "largest" in of:
-        return float(of["largest"] - of["smallest"])
-    return abs(float(of["total_order"] if "total_order" in of else of["rank_correlation"]))
+    if "largest" in entry:
+        return float(entry["largest"] - entry["smallest"])
+    return abs(float(entry["total_order"] if "total_order" in entry else entry["rank_correlation"]))
 
 
-def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, Any]) -> Chart:
+def histogram(result: StudyResult, name: str, values: Floats, statistics: Mapping[str, Any]) -> Chart:
     """How many cases have which value, a colour for each population, with the limit and the quantiles that are known.
 
     Parameters
@@ -255,22 +255,22 @@ def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, A
     result : of a sample.
     name : of the response that the values are of.
     values : (cases,) of a sample, or of the realisations of one case; nan where not known.
-    of : what the summary says of them.
+    statistics : what the summary says of them.
     """
     known, limit, unit = values[np.isfinite(values)], _limit(result, _quantity(name)), result.units[name]
     edges = np.linspace(known.min(), known.max(), min(max(10, known.size // 5), 30) + 1)
     curves = []
-    for k, group in enumerate(of.get("populations", [of])):
+    for k, group in enumerate(statistics.get("populations", [statistics])):
         own = known[(known >= group["smallest"]) & (known <= group["largest"])]
         heights = np.concatenate([[0.0], np.repeat(np.histogram(own, edges)[0], 2), [0.0]])
         cases = f"{extent(group['smallest'], group['largest'], unit)}, {own.size} cases"
         style = {**curve_style(k + 2 if k else 0), "linestyle": "-"}  # the second colour is that of the limit
-        curves.append(Curve(cases if "populations" in of else "", np.repeat(edges, 2), heights, style))
+        curves.append(Curve(cases if "populations" in statistics else "", np.repeat(edges, 2), heights, style))
 
     def more(ax: Axes, x: Scale, _: Scale) -> None:
         for curve in curves:
             ax.fill_between(curve.x * x.factor, curve.y, color=curve.style["color"], alpha=0.3, linewidth=0)
-        at = {f"{percent} %": (of[f"quantile_{percent}_percent"], "0.35", "--") for percent in (5, 50, 95)}
+        at = {f"{percent} %": (statistics[f"quantile_{percent}_percent"], "0.35", "--") for percent in (5, 50, 95)}
         for text, (value, colour, dashes) in (at | ({} if limit is None else {"limit": (limit, RED, "-")})).items():
             ax.axvline(value * x.factor, color=colour, linewidth=1.2, linestyle=dashes)
             ax.text(
@@ -279,8 +279,8 @@ def histogram(result: StudyResult, name: str, values: Floats, of: Mapping[str, A
             )  # fmt: skip
         ax.margins(y=0.2)
 
-    what = "Sampled realisations of the best case" if "nominal" in of else "Cases"
-    return Chart((_title_of(name), unit), (what, ""), curves, whole="y", more=more, y_ends=(0.0, None))
+    what = "Sampled realisations of the best case" if "nominal" in statistics else "Cases"
+    return Chart((_title_of(name), unit), (what, ""), curves, integer_axes="y", draw_extra=more, y_ends=(0.0, None))
 
 
 def _histograms(result: StudyResult, quantities: Sequence[str]) -> Iterator[Chart]:
@@ -310,7 +310,12 @@ def response_scatter(result: StudyResult, k: int, quantity: str) -> Chart:
     up = (_words(quantity), scale_for(_unit(result, quantity), values))
     levels = [level._replace(label="") for level in _limit_level(result, quantity)]
     return Chart(
-        (label, ""), up, curves, levels, log=_log(result, parameter), more=lambda ax, *_: _write_words(ax, parameter)
+        (label, ""),
+        up,
+        curves,
+        levels,
+        log=_log(result, parameter),
+        draw_extra=lambda ax, *_: _write_words(ax, parameter),
     )
 
 
@@ -387,7 +392,10 @@ def search_chart(result: StudyResult, objective: str) -> Chart:
               {"color": DARK, "linestyle": "-", "drawstyle": "steps-post"}),
     ]  # fmt: skip
     return Chart(
-        ("Number of the design", ""), _axis_of(result, objective), curves if result.limits else curves[1:], whole="x"
+        ("Number of the design", ""),
+        _axis_of(result, objective),
+        curves if result.limits else curves[1:],
+        integer_axes="x",
     )
 
 
@@ -475,7 +483,7 @@ def _probability(result: StudyResult) -> Picture:
     def band(ax: Axes, *_: Scale) -> None:
         ax.fill_between(x[last], (p / spread)[last], (p * spread)[last], color=DARK, alpha=0.18, linewidth=0)
 
-    panels: list[Any] = [Chart(("Histories", ""), ("Probability", ""), curves, log="y", more=band)]
+    panels: list[Any] = [Chart(("Histories", ""), ("Probability", ""), curves, log="y", draw_extra=band)]
     if "random_numbers" in result.datasets:
         panels.append(partial(_plot_importance, result))
     title = f"{result.title}   (probability of exceeding the limits, 95 % interval)"
@@ -525,9 +533,9 @@ def axes_of_grid(result: StudyResult) -> list[ParameterColumn]:
     ]
 
 
-def _map(result: StudyResult, name: str, at: tuple[int, ...], best: int | None) -> Any:
+def _map(result: StudyResult, name: str, slice_index: tuple[int, ...], best_case: int | None) -> Any:
     """One response over the first two parameters; of two that are numbers a map that pages can show, too."""
-    plot = partial(plot_response_map, result, name=name, at=at, best=best)
+    plot = partial(plot_response_map, result, name=name, slice_index=slice_index, best_case=best_case)
     axes = axes_of_grid(result)
     if len(axes) > 2 or not all(parameter.numeric for parameter in axes):
         return plot
@@ -539,7 +547,7 @@ def _map(result: StudyResult, name: str, at: tuple[int, ...], best: int | None) 
     )
 
 
-def _slices(result: StudyResult, best: int | None) -> list[tuple[int, ...]]:
+def _slices(result: StudyResult, best_case: int | None) -> list[tuple[int, ...]]:
     """Of all parameters but the first two, numbers of the values at which maps are shown.
 
     The third takes up to `MOST_SLICES` of its values, the others that of the best case, or their middle.
@@ -547,7 +555,9 @@ def _slices(result: StudyResult, best: int | None) -> list[tuple[int, ...]]:
     further = result.shape[2:]
     if not further:
         return [()]
-    fixed = tuple(n // 2 for n in further) if best is None else tuple(np.unravel_index(best, result.shape)[2:])
+    fixed = (
+        tuple(n // 2 for n in further) if best_case is None else tuple(np.unravel_index(best_case, result.shape)[2:])
+    )
     along = {*np.linspace(0, further[0] - 1, min(further[0], MOST_SLICES)).round().astype(int).tolist()}
     return [(k, *map(int, fixed[1:])) for k in sorted(along)]
 

@@ -85,9 +85,9 @@ def _in_direction(result: SweepResult, direction: str) -> list[SweepCurve]:
     return [curve for curve in result.curves.values() if curve.direction == direction]
 
 
-def _level(result: SweepResult, curve: SweepCurve, *, always: bool = False) -> str:
+def _level(result: SweepResult, curve: SweepCurve, *, even_if_single: bool = False) -> str:
     """The level of a curve, where there are several."""
-    several = always or len({c.level_index for c in result.curves.values()}) > 1
+    several = even_if_single or len({c.level_index for c in result.curves.values()}) > 1
     return f", {level_text(curve.level, result.scenario.level_unit)}" if several else ""
 
 
@@ -131,7 +131,7 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
     whole = not offset  # which limits are of
     levels = limit_levels(result.scenario.limits, "peak_displacement", probe) if whole else []
     limits = _limits(curves[0], "displacement", "m", probe) if whole else []
-    return _chart(result, up, drawn, levels=levels, of="", marks=limits)
+    return _chart(result, up, drawn, levels=levels, curve_noun="", marks=limits)
 
 
 def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
@@ -281,11 +281,11 @@ def level_family(result: SweepResult, probe: str, direction: str) -> Chart:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = [curve.response(probe) / curve.excitation_amplitude for curve in curves]
     drawn = [
-        _swept(_level(result, curve, always=True)[2:], curve, ratio)
+        _swept(_level(result, curve, even_if_single=True)[2:], curve, ratio)
         for curve, ratio in zip(curves, ratios, strict=True)
     ]
     up = (f"Peak displacement of {probe} / level", _per_level(curves, *ratios))
-    return _chart(result, up, drawn, direction=direction, of="levels")
+    return _chart(result, up, drawn, direction=direction, curve_noun="levels")
 
 
 def harmonic_energy(result: SweepResult, probe: str, curve: SweepCurve) -> Chart:
@@ -296,7 +296,7 @@ def harmonic_energy(result: SweepResult, probe: str, curve: SweepCurve) -> Chart
         _swept(f"order {Fraction(float(order)).limit_denominator(12)}", curve, square, mean=True)
         for order, square in zip(curve.orders, ratio**2, strict=False)
     ]
-    level = _level(result, curve, always=True)[2:]
+    level = _level(result, curve, even_if_single=True)[2:]
     up = (f"Mean square of {probe}\n/ that of {level}, ({scale.unit})²", Scale(scale.factor**2, ""))
     ends = (1e-8 * top, 3.0 * top) if 0.0 < top < np.inf else (None, None)
     return _chart(result, up, drawn, direction=curve.direction, y_ends=ends)
@@ -313,7 +313,7 @@ def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
 def contact(result: SweepResult, direction: str) -> Chart:
     """Fraction of time in contact over frequency: 0 without contact, 1 where contact is never lost."""
     drawn = [
-        _swept(f"{name}{_level(result, curve, always=True)}", curve, share.values, mean=True)
+        _swept(f"{name}{_level(result, curve, even_if_single=True)}", curve, share.values, mean=True)
         for curve in _in_direction(result, direction)
         for name, share in curve.cycles.by_label("contact_share").items()
     ]
@@ -350,7 +350,7 @@ def contact_levels(result: SweepResult) -> Chart:
             hz, level = (np.array([of[key] for of in shown]) for key in ("frequency_hz", "level"))
             swept.append(Curve(label, hz, level, style | {"linestyle": "none"}))
     scale = scale_for(next(iter(curves)).excitation_unit)
-    return _chart(result, ("Level", scale), drawn, of="snubbers", marks=swept)
+    return _chart(result, ("Level", scale), drawn, curve_noun="snubbers", marks=swept)
 
 
 def preload_needed(result: SweepResult, unit: str = "N") -> Chart:
@@ -363,7 +363,7 @@ def preload_needed(result: SweepResult, unit: str = "N") -> Chart:
         for name, levels in contact_levels_of(result["linear"]).items()
         if levels.force_unit == unit and np.any(levels.preload_needed > 0.0)  # of a latch none is needed
     ]
-    return _chart(result, ("Preload needed to keep contact", unit), drawn, of="snubbers")
+    return _chart(result, ("Preload needed to keep contact", unit), drawn, curve_noun="snubbers")
 
 
 def steady_states(result: SweepResult, curve: SweepCurve) -> Chart:
@@ -385,7 +385,7 @@ def steady_states(result: SweepResult, curve: SweepCurve) -> Chart:
         ticks = {0: "none", **ticks}
     return _chart(
         result, ("Period (cycles of the excitation)", ""), drawn, log="", direction=curve.direction,
-        more=lambda ax, *_: ax.set_yticks(list(ticks), list(ticks.values())),
+        draw_extra=lambda ax, *_: ax.set_yticks(list(ticks), list(ticks.values())),
     )  # fmt: skip
 
 

@@ -110,12 +110,12 @@ def excitation_text(scenario: Scenario, inputs: Inputs | None = None, command: s
     return "\n".join(label + text for label, text in texts.items() if text) or "no excitation"
 
 
-def _phase_resonance_text(scenario: Scenario, part: Any) -> str:
+def _phase_resonance_text(scenario: Scenario, excitation: Any) -> str:
     """The sine that holds a nonlinear mode at phase resonance: its levels and place."""
     resonance: Any = None if scenario.nnm is None else scenario.nnm.phase_resonance
-    levels = getattr(resonance, "levels", ()) or [level for _, level in part.levels()]
-    sizes = " and ".join(amplitude_text(part, level) for level in levels)
-    return f"sine at phase resonance, {sizes}{_place(scenario, part)}"
+    levels = getattr(resonance, "levels", ()) or [level for _, level in excitation.levels()]
+    sizes = " and ".join(amplitude_text(excitation, level) for level in levels)
+    return f"sine at phase resonance, {sizes}{_place(scenario, excitation)}"
 
 
 _SWEEPS = {"swept_sine": "swept sine", "stepped": "stepped sine"}
@@ -143,78 +143,79 @@ def _swept(scenario: Scenario, part: Any) -> Iterator[str]:
         yield f"{_rate_text(rate)}, {_cycles_text(sweep.cycles)}"
 
 
-def _excitation_text(scenario: Scenario, part: Any, swept: str, known: Mapping[str, Any]) -> str:
+def _excitation_text(scenario: Scenario, excitation: Any, sweep_text: str, input_values: Mapping[str, Any]) -> str:
     """One motion or force: its kind, size, frequencies, duration and place."""
     sweep: Any = scenario.sweep
-    words = [swept or part.kind.replace("_", " ")]
-    levels = [level for _, level in part.levels()]
-    given = swept and (sweep.levels or isinstance(getattr(sweep, "continue_in", None), LevelPath))
-    if levels and not (given if scenario.level_unit else swept and part is scenario.excitation):
-        words.append(amplitude_text(part, max(levels, key=abs)))
-    if swept:
-        words += _swept(scenario, part)
-    tones = () if swept else part.frequencies_hz
-    if part.kind in _INPUTS:
+    words = [sweep_text or excitation.kind.replace("_", " ")]
+    levels = [level for _, level in excitation.levels()]
+    given = sweep_text and (sweep.levels or isinstance(getattr(sweep, "continue_in", None), LevelPath))
+    if levels and not (given if scenario.level_unit else sweep_text and excitation is scenario.excitation):
+        words.append(amplitude_text(excitation, max(levels, key=abs)))
+    if sweep_text:
+        words += _swept(scenario, excitation)
+    tones = () if sweep_text else excitation.frequencies_hz
+    if excitation.kind in _INPUTS:
         run = {} if scenario.run is None else {"duration": scenario.run.duration}
-        words += _INPUTS[part.kind](part, run if part.kind == "swept_sine" else known)
+        words += _INPUTS[excitation.kind](excitation, run if excitation.kind == "swept_sine" else input_values)
     elif 0 < len(tones) <= 3:
         words.append(" and ".join(f"{tone:.6g} Hz" for tone in tones))
-    return f"{', '.join(words)}{_place(scenario, part)}"
+    return f"{', '.join(words)}{_place(scenario, excitation)}"
 
 
-def _place(scenario: Scenario, part: Any) -> str:
+def _place(scenario: Scenario, excitation: Any) -> str:
     """Where a motion or force acts, behind what it is."""
-    if part.on_base:
-        at = "the base" + (f" in {part.direction}" if part.direction else "")
-    elif isinstance(part.applied_to, MovedSupport | MovedStop):
-        at = part.applied_to.label
+    if excitation.on_base:
+        at = "the base" + (f" in {excitation.direction}" if excitation.direction else "")
+    elif isinstance(excitation.applied_to, MovedSupport | MovedStop):
+        at = excitation.applied_to.label
     else:
-        at = load_site_in(scenario, part.applied_to).label
+        at = load_site_in(scenario, excitation.applied_to).label
     return f", at {at}"
 
 
-def _random(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
+def _random(excitation: Any, input_values: Mapping[str, Any]) -> Iterator[str]:
     """Root mean square and band of a random input."""
-    psd, unit = part.psd, amplitude_unit(part.quantity)
-    if part.table or known:
-        yield f"rms {amount(known['rms'] if known else SpectralDensity.from_points(part.table).rms, unit)}"
+    psd, unit = excitation.psd, amplitude_unit(excitation.quantity)
+    if excitation.table or input_values:
+        rms = input_values["rms"] if input_values else SpectralDensity.from_points(excitation.table).rms
+        yield f"rms {amount(rms, unit)}"
     yield psd.file if isinstance(psd, CurveFile) else f"{psd[0].frequency:.6g} to {psd[-1].frequency:.6g} Hz"
 
 
-def _record(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
+def _record(excitation: Any, input_values: Mapping[str, Any]) -> Iterator[str]:
     """Peak and root mean square of a record, where it has been read."""
-    sizes = ((name, known.get(name)) for name in ("peak", "rms"))
-    yield from (f"{name} {amount(size, known['unit'])}" for name, size in sizes if is_known(size))
-    yield part.file
+    sizes = ((name, input_values.get(name)) for name in ("peak", "rms"))
+    yield from (f"{name} {amount(size, input_values['unit'])}" for name, size in sizes if is_known(size))
+    yield excitation.file
 
 
-def _pulse(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
+def _pulse(excitation: Any, _: Mapping[str, Any]) -> Iterator[str]:
     """Duration of a pulse, and what it leaves."""
-    if part.duration is not None:
-        yield amount(part.duration, "s")
-        if part.quantity in AREAS:
-            of, unit = AREAS[part.quantity]
-            yield f"{of} {amount(part.area, unit)}"
+    if excitation.duration is not None:
+        yield amount(excitation.duration, "s")
+        if excitation.quantity in AREAS:
+            of, unit = AREAS[excitation.quantity]
+            yield f"{of} {amount(excitation.area, unit)}"
 
 
-def _matched_text(part: Any, _: Mapping[str, Any]) -> Iterator[str]:
+def _matched_text(excitation: Any, _: Mapping[str, Any]) -> Iterator[str]:
     """Largest level of the spectrum, and duration of the record."""
-    if isinstance(part.srs, CurveFile):
-        yield part.srs.file
+    if isinstance(excitation.srs, CurveFile):
+        yield excitation.srs.file
     else:
-        highest_hz, level = max(part.srs, key=lambda point: point[1])
+        highest_hz, level = max(excitation.srs, key=lambda point: point[1])
         yield f"spectrum up to {amount(level, 'm/s^2')} at {highest_hz:.6g} Hz"
-    yield amount(part.duration, "s")
+    yield amount(excitation.duration, "s")
 
 
-def _swept_input(part: Any, known: Mapping[str, Any]) -> Iterator[str]:
+def _swept_input(excitation: Any, input_values: Mapping[str, Any]) -> Iterator[str]:
     """Range and rate of a swept sine, and the cycles of a run."""
-    yield f"{part.from_:.6g} to {part.to:.6g} Hz"
-    low, high = sorted((part.from_, part.to))
-    cycles = swept_cycles(low, high, part.rate, "")
-    if "duration" in known:
-        cycles = min(cycles, part.cycles_in(known["duration"]))
-    yield f"{_rate_text(part.rate)}, {_cycles_text(cycles)}"
+    yield f"{excitation.from_:.6g} to {excitation.to:.6g} Hz"
+    low, high = sorted((excitation.from_, excitation.to))
+    cycles = swept_cycles(low, high, excitation.rate, "")
+    if "duration" in input_values:
+        cycles = min(cycles, excitation.cycles_in(input_values["duration"]))
+    yield f"{_rate_text(excitation.rate)}, {_cycles_text(cycles)}"
 
 
 def _rate_text(rate: Rate) -> str:
@@ -235,7 +236,7 @@ _INPUTS = {
 """Text about an input in addition to its level, by its kind."""
 
 
-def amplitude_text(part: Any, level: float) -> str:
+def amplitude_text(excitation: Any, level: float) -> str:
     """A level in the unit of its quantity."""
-    unit = LEVEL_DIMENSIONS[part.quantity].unit if part.quantity else ""
+    unit = LEVEL_DIMENSIONS[excitation.quantity].unit if excitation.quantity else ""
     return amount(level, unit)

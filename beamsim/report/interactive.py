@@ -65,7 +65,7 @@ def plot(chart: Chart) -> dict[str, Any]:
         known = [end * scale.factor for end in shown if end is not None]
         if len(known) == 2 and all(math.isfinite(end) for end in known):
             layout[f"{letter}axis"]["range"] = [math.log10(end) for end in known] if letter in chart.log else known
-    for letter in chart.whole:
+    for letter in chart.integer_axes:
         most = max((float(np.max(getattr(c, letter))) for c in drawn if c.x.size), default=0.0)
         layout[f"{letter}axis"] |= {"tickmode": "linear", "tick0": 0, "dtick": max(1, math.ceil(most / MOST_TICKS))}
     if chart.note:
@@ -76,7 +76,7 @@ def plot(chart: Chart) -> dict[str, Any]:
 
 def heat_map(panel: HeatMap) -> dict[str, Any]:
     """Values over two axes as data and layout for plotly, which JSON can hold."""
-    axes = ((panel.across, panel.x), (panel.up, panel.y), (panel.of, panel.values))
+    axes = ((panel.across, panel.x), (panel.up, panel.y), (panel.z_axis, panel.values))
     x, y, of = (_scale(axis, known) for axis, known in axes)
     labels = [with_unit(words, scale) for ((words, _), _), scale in zip(axes, (x, y, of), strict=True)]
     data = {

@@ -29,7 +29,7 @@ function player(canvas, scene, controls) {
     const face = stop.face[frame], width = 0.009 * (right - left);
     const across = [-1.6, 1.6, 0, 0, 1, -1, 1, -1, 0, 0, -2, 2];
     return [0, 0, 0, .15, .3, .45, .6, .75, .88, 1, 1, 1].map((share, k) =>
-      [stop.x[0] + across[k] * width, face + (stop.mount - face) * share]);
+      [stop.x[0] + across[k] * width, face + (stop.mounting_row - face) * share]);
   }
   function draw() {
     context.clearRect(0, 0, canvas.width, canvas.height);

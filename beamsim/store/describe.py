@@ -41,7 +41,7 @@ def documentation() -> str:
     parts = [_root()]
     for name, kind in KINDS.items():
         cls = resolve_name(kind.result)
-        called = kind.called.removeprefix("the result of ")
+        called = kind.description.removeprefix("the result of ")
         parts.append(f"## {name}: {called}\n")
         parts += [_markdown(section) for section in sections_of(cls)]
         summary = [Row(e.name, e.unit, "attribute", e.meaning) for e in (complete_entry(cls, e) for e in cls.SUMMARY)]

@@ -303,7 +303,7 @@ def open_with_items(
     with open_result(path, KINDS[kind].command if kind else "run") as file:
         actual = _kind(file, path)
         if kind and actual != kind:
-            raise ResultFileError(f"{path}: contains {KINDS[actual].called}, not {KINDS[kind].called}")
+            raise ResultFileError(f"{path}: contains {KINDS[actual].description}, not {KINDS[kind].description}")
         items, cls = read_items(file), resolve_name(KINDS[actual].result)
         _check_times(items)
         if whole:

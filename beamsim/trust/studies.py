@@ -183,8 +183,9 @@ def design_study(
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
     with stop_requests(stop):
         with Evaluator(
-            worker_pool(computation, total, workers=workers, scheduler=scheduler), most=plan.most_cases,
-            realisations=plan.study.realisations.count, compared=plan.convergence == "on", known=known, each=solved,
+            worker_pool(computation, total, workers=workers, scheduler=scheduler), most_cases=plan.most_cases,
+            realisations=plan.study.realisations.count, with_finer_model=plan.convergence == "on",
+            solved_before=known, each=solved,
             most_further=plan.study.realisations.most_further_cases,
         ) as evaluate:  # fmt: skip
             worst = WorstSearch(plan, evaluate, partial(_changes_within, plan))

@@ -47,7 +47,7 @@ def test_a_crushed_face_is_drawn_where_it_was_left(side):
     expected = np.where(free, GAP + np.where(after, residual, 0.0), body)
     (stop,) = scene.stops
     np.testing.assert_allclose(side * stop.face / scale, expected, atol=1e-12)
-    assert side * stop.mount > (side * stop.face).max()
+    assert side * stop.mounting_row > (side * stop.face).max()
     low, high = scene.limits[2:]
     assert low < stop.face.min() <= stop.face.max() < high
 

@@ -13,7 +13,11 @@ COUNTS = (1, 2, 3, 7, 40, 1000)
 def chart(most, whole="y"):
     x = np.arange(4.0)
     return Chart(
-        ("Force", "N"), ("Cases", ""), [Curve("", x, np.array([0.0, most, 1.0, 0.0]))], whole=whole, y_ends=(0.0, None)
+        ("Force", "N"),
+        ("Cases", ""),
+        [Curve("", x, np.array([0.0, most, 1.0, 0.0]))],
+        integer_axes=whole,
+        y_ends=(0.0, None),
     )
 
 

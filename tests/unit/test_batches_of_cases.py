@@ -43,7 +43,7 @@ def solved(monkeypatch):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_batches_give_what_single_runs_give(solver, workers):
-    with Evaluator(worker_pool(solver, 4, workers=workers), most=4) as evaluate:
+    with Evaluator(worker_pool(solver, 4, workers=workers), most_cases=4) as evaluate:
         first, second = evaluate(GAPS[:3]), evaluate(GAPS[3:])
     assert evaluate.ended == ""
     assert evaluate.rows == GAPS
@@ -53,10 +53,10 @@ def test_batches_give_what_single_runs_give(solver, workers):
 
 
 def test_outcomes_that_are_known_are_taken_where_they_belong_to_the_same_case(solver, solved):
-    with Evaluator(worker_pool(solver, 4), most=4) as evaluate:
+    with Evaluator(worker_pool(solver, 4), most_cases=4) as evaluate:
         evaluate(GAPS)
     solved.clear()
-    with Evaluator(worker_pool(solver, 4), most=4, known=evaluate.outcomes.values()) as again:
+    with Evaluator(worker_pool(solver, 4), most_cases=4, solved_before=evaluate.outcomes.values()) as again:
         again([GAPS[0]])
         again([GAPS[1], (5e-3,), GAPS[3]])  # the third case is another one than before
     assert solved == [2]
@@ -65,11 +65,11 @@ def test_outcomes_that_are_known_are_taken_where_they_belong_to_the_same_case(so
 
 
 def test_the_block_ends_after_the_cases_that_are_allowed_and_after_a_stop(solver, solved):
-    with Evaluator(worker_pool(solver, 3), most=3) as evaluate:
+    with Evaluator(worker_pool(solver, 3), most_cases=3) as evaluate:
         evaluate(GAPS)
         pytest.fail("went on")
     assert (evaluate.ended, sorted(evaluate.outcomes)) == ("most_cases", [0, 1, 2])
-    with stop_requests(lambda: len(solved) > 4), Evaluator(worker_pool(solver, 9), most=9) as evaluate:
+    with stop_requests(lambda: len(solved) > 4), Evaluator(worker_pool(solver, 9), most_cases=9) as evaluate:
         evaluate(GAPS[:1])
         evaluate(GAPS[1:])
         pytest.fail("went on")

@@ -52,9 +52,9 @@ def test_faults_are_found():
             "far", (0.5, 0.5), xytext=(2000, 0), textcoords="offset pixels", annotation_clip=False
         ).set_in_layout(False)
 
-    assert {"'one' and 'other' overlap", "'far' is cut off"} == set(of_picture(line, more=write))
-    assert of_picture(line, more=lambda ax, *_: ax.set_xticks(np.linspace(0.4, 0.6, 30)))
-    assert of_picture(line, more=lambda ax, *_: ax.set_xticks([0.5]))
+    assert {"'one' and 'other' overlap", "'far' is cut off"} == set(of_picture(line, draw_extra=write))
+    assert of_picture(line, draw_extra=lambda ax, *_: ax.set_xticks(np.linspace(0.4, 0.6, 30)))
+    assert of_picture(line, draw_extra=lambda ax, *_: ax.set_xticks([0.5]))
     assert faults(Picture("case", [lambda ax: None])) == ["panel 0 is empty"]
     assert of_picture(line, levels=[Guide("limit", 1.0)]) == []
 

@@ -148,7 +148,7 @@ def coexisting(
             progress(SHARE_OF_STARTS * len(evaluate.outcomes) / len(starts))
 
     solving = worker_pool(computation, sys.maxsize, workers=workers, scheduler=scheduler)
-    with Evaluator(solving, most=sys.maxsize, known=known, each=solved) as evaluate:
+    with Evaluator(solving, most_cases=sys.maxsize, solved_before=known, each=solved) as evaluate:
         with suppress(StopEvaluation):
             evaluate(starts)
         ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}
