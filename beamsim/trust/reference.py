@@ -114,7 +114,7 @@ def _with_warning(result: RunResult, reason: str) -> RunResult:
 def _comparison_summary(result: RunResult, motion: RunMotion) -> dict[str, Any]:
     """The comparison for the summary: by quantity and place the value of the run and of the reference."""
     exact, stepped = result.summary, values_of_motion(motion)
-    histories, end = not_none(motion.histories), motion.marched.end
+    histories, end = not_none(motion.histories), motion.source_motion.end
     ours, theirs = _events(result["events"], end), _events(motion.events, end)
     diverged = min(divergence(ours, theirs), end)
     count = int(np.searchsorted(result["histories"]["time"].values, diverged, side="right"))

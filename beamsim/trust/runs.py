@@ -118,7 +118,7 @@ class Model:
     @cached_property
     def events(self) -> ContactEvents:
         """Contact events of the snubbers."""
-        return ContactEvents.of(self.motion.marched, len(self.motion.system.snubbers))
+        return ContactEvents.of(self.motion.source_motion, len(self.motion.system.snubbers))
 
     @cached_property
     def _filtered_motion(self) -> FilteredMotion | None:
@@ -502,7 +502,7 @@ class DerivedValues:
         list of Values
             One for each part.
         """
-        system, motion = model.motion.system, model.motion.known
+        system, motion = model.motion.system, model.motion.available_motion
         of_parts = [
             self._of_spectra(
                 {name: (*lines_of_record(of[name], lines), of[name].rms()) for name, lines in self.lines.items()}

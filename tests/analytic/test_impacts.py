@@ -237,7 +237,7 @@ def test_intervals_of_a_random_input():
     case = load_scenario(EXAMPLES / "one_sided_65hz.yaml", overrides)
     result = beamsim.run(case)
     impacts, (snubber,) = result["impacts"], result.summary["impacts"].values()
-    rows = {row["figure"]: row for row in result["impact_statistics"].rows("interval")}
+    rows = {row["value_name"]: row for row in result["impact_statistics"].rows("interval")}
     edges = np.linspace(0.3, 3.0, 21)
     counts = np.histogram(impacts["begin"].values, edges)[0]
     half = stats.t.ppf(0.975, 19) * counts.std(ddof=1) / np.sqrt(20)

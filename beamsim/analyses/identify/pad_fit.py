@@ -23,7 +23,7 @@ from beamsim.typing import Complexes, Floats
 _DIMENSIONS = {
     "frequency": units.FREQUENCY, "time": units.TIME, "stiffness": units.STIFFNESS, "modulus": units.PRESSURE,
 }  # fmt: skip
-AT = ("identify_stiffness", "pad", "data")
+DATA_PATH = ("identify_stiffness", "pad", "data")
 
 
 def fit_pad(scenario: Scenario, pad: Pad, data: PadData, coverage: float) -> Findings:
@@ -152,7 +152,7 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
     if data.file is None:
         kind = "dynamic" if data.dynamic is not None else "relaxation"
         return kind, np.array(getattr(data, kind), dtype=float)
-    at = (*AT, "file")
+    at = (*DATA_PATH, "file")
     file = scenario.folder_of(*at) / data.file
     per_modulus = None if pad.height is None or pad.area is None else pad.area / pad.height
     try:
@@ -165,7 +165,7 @@ def _measured(scenario: Scenario, pad: Pad, data: PadData) -> tuple[str, Floats]
         raise ScenarioError.at(path_text(at), f"= {data.file} {fault.message}", fault.remedy) from None
     if kind == "dynamic" and data.ramp:
         message = f"goes with a relaxation test, and {data.file} is a dynamic one"
-        raise ScenarioError.at(path_text((*AT, "ramp")), message, "leave ramp out")
+        raise ScenarioError.at(path_text((*DATA_PATH, "ramp")), message, "leave ramp out")
     return kind, rows
 
 

@@ -88,7 +88,7 @@ def pad(data: KnownPad) -> PadNumbers:
     if data.curve is not None:
         (fitted, misfit, remarks), of_loop, record = _measured(data.curve, data.segments, data.columns, data.decimal)
         if record is not None and data.loss_factor is None and data.frequency is None:
-            return replace(_of_record(fitted, record, of_loop), remarks=remarks)
+            return replace(_fit_record(fitted, record, of_loop), remarks=remarks)
         stiffness = 2.0 * _work(fitted.deflection, fitted.force) / float(fitted.deflection[-1]) ** 2
         if fitted.slopes.size > 1:
             points = tuple(zip(fitted.deflection.tolist(), fitted.force.tolist(), strict=True))
@@ -106,7 +106,7 @@ def pad(data: KnownPad) -> PadNumbers:
     )  # fmt: skip
 
 
-def _of_record(middle: ForceCurve, record: Record, loss_factor: float | None) -> PadNumbers:
+def _fit_record(middle: ForceCurve, record: Record, loss_factor: float | None) -> PadNumbers:
     """Fit curve and branches together to a record of loops; the curve has the breakpoints of ``middle``."""
     fit = fit_loop(*record, middle.deflection[:-1])
     force = np.concatenate([[0.0], np.cumsum(fit.springs * np.diff(middle.deflection))])

@@ -144,8 +144,8 @@ def solve_run(
     motion = motion_of(system, settings, times, progress, stop, needed)
     sampled = motion.histories if everything or needed.statistics else None
     evaluation = Evaluation(stop)
-    if sampled is not None and sampled.time.size < times_reached(motion.marched.end, times).size:
-        evaluation.left_out.append(f"the histories after {sampled.time[-1]:.4g} s")
+    if sampled is not None and sampled.time.size < times_reached(motion.source_motion.end, times).size:
+        evaluation.skipped_steps.append(f"the histories after {sampled.time[-1]:.4g} s")
     datasets = without_histories() if sampled is None else datasets_of(motion, sampled, evaluation)
     values, spectra = values_of_motion(motion), None
     if everything or needed.root_mean_squares:
@@ -161,7 +161,7 @@ def solve_run(
         outcome=check_reduction(motion.outcome, scenario, system.modes),
         datasets={**datasets, "events": motion.events, "modes": system.modes},
     )
-    warnings = _warnings(motion) + ([] if evaluation.left_out else coverage_notes(motion))
+    warnings = _warnings(motion) + ([] if evaluation.skipped_steps else coverage_notes(motion))
     warnings += [f"impacts and sliding are counted from {settings.from_:g} s on (run.from)"] if settings.from_ else []
     summary = summary_of_run(motion, values, spectra, needed, evaluation)
     if everything and sampled is not None:
@@ -171,9 +171,9 @@ def solve_run(
         found = evaluation.compute("jumps", partial(_without_limit, motion, values), list[WithoutLimit](), minor=True)
         warnings += [each.warning for each in found]
         summary["without_limit"] = [".".join(key) for each in found for key in keys_of(each.channel)] or None
-    fields, notes = _asked_for(result, motion, summary, needed, evaluation)
-    if evaluation.left_out and result.outcome.usable:
-        fields["outcome"] = interruption(f"before {', '.join(evaluation.left_out)}")
+    fields, notes = _requested_results(result, motion, summary, needed, evaluation)
+    if evaluation.skipped_steps and result.outcome.usable:
+        fields["outcome"] = interruption(f"before {', '.join(evaluation.skipped_steps)}")
     result = replace(result, **fields, warnings=(*warnings, *notes))
     result = result.with_summary(**summary, dashpots=dashpots_of(system.modes), **summary_entries(result, summary))
     return Solution(motion, replace(result, wall_time_s=clock.perf_counter() - begin))
@@ -217,7 +217,7 @@ def pull_warnings(motion: RunMotion) -> list[str]:
     ]
 
 
-def _asked_for(
+def _requested_results(
     result: RunResult, motion: RunMotion, values: Mapping[str, Any], needed: Needed, evaluation: Evaluation
 ) -> tuple[dict[str, Any], list[str]]:
     """Compute the requested results beyond the motion itself, and notes on them.
@@ -236,7 +236,7 @@ def _asked_for(
     notes: list[str] = []
     if scenario.excitation.stationary and needed.statistics:
         fields |= _random(result, motion, values, evaluation, datasets)
-    counted = settings.from_ < motion.marched.end or not settings.from_
+    counted = settings.from_ < motion.source_motion.end or not settings.from_
     if (impacts := motion.impacts) is not None and counted:
         datasets |= evaluation.compute("statistics of impacts", impacts.result, dict[str, Dataset]())
     if settings.fatigue is not None and motion.stresses is not None:
@@ -260,13 +260,13 @@ def _random(
     datasets: dict[str, Dataset],
 ) -> dict[str, Any]:
     """Add the statistics of the response to a random input to the datasets; returns the updated outcome."""
-    from beamsim.analyses.run.random_response import largest_known, random_response
+    from beamsim.analyses.run.random_response import random_response, with_test_outcome
 
     random = evaluation.compute("densities and statistics", lambda: random_response(result, motion, values), None)
     if random is None:
         return {}
     datasets["random"] = random
-    return {"outcome": largest_known(result.outcome, random, not_none(result.scenario.run))}
+    return {"outcome": with_test_outcome(result.outcome, random, not_none(result.scenario.run))}
 
 
 def _fatigue(
@@ -277,7 +277,7 @@ def _fatigue(
     datasets: dict[str, Dataset],
 ) -> list[str]:
     """Add the fatigue damage to the datasets; returns warnings."""
-    end, extremes = motion.marched.end, motion.extremes[STRESS]
+    end, extremes = motion.source_motion.end, motion.extremes[STRESS]
     compute = partial(fatigue_of, motion.system, stresses, end, extremes)
     damage = evaluation.compute("the damage of stress", compute, None)
     if damage is None:
@@ -292,7 +292,7 @@ def _shock_response(
 ) -> list[str]:  # fmt: skip
     """Add shock response spectra to the datasets if they are needed; returns notes on coarse samples."""
     if needed.has("srs_over_limit"):
-        compute = partial(shock_response, motion.system, motion.known)
+        compute = partial(shock_response, motion.system, motion.available_motion)
         srs = evaluation.compute("shock response spectra", compute, None)
         datasets |= {} if srs is None else {"srs": srs}
     return _coarse_samples(motion, settings) + _coarse_records(motion.system.inputs, settings)
@@ -427,7 +427,7 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         _reject(f"= {start.orbit} {error.message}", remedy)
 
 
-def _at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = False) -> Scenario:
+def _scenario_at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitation: bool = False) -> Scenario:
     """Scenario with the excitation and parameter of the point (unless kept), and the same number of modes.
 
     Raises
@@ -467,7 +467,7 @@ def built_at_orbit(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, 
     settings = not_none(scenario.run)
     start = of_kind(OrbitStart, settings.start)
     orbit = read_orbit(start, scenario.folder_of("run", "start", "orbit"))
-    scenario = _at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
+    scenario = _scenario_at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
     at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
     return scenario, _start_from_orbit(build_system(at_rest, shared), orbit, start.factor)
 
@@ -497,5 +497,5 @@ def _start_from_orbit(system: StructuralSystem, orbit: StoredOrbit, factor: floa
     return replace(system, initial_state=state)
 
 
-def _reject(message: str, remedy: str, at: str = _ORBIT) -> NoReturn:
-    raise ScenarioError(Problem(at, message, remedy))
+def _reject(message: str, remedy: str, path: str = _ORBIT) -> NoReturn:
+    raise ScenarioError(Problem(path, message, remedy))

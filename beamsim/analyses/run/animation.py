@@ -53,7 +53,7 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     known, states, between = not_none(motion.histories), motion.states, None
     times, slow = known.time, slow[: known.time.size]
     if states is None:  # a time-stepped motion has states only at the frames
-        q = of_kind(ReferenceTrajectory, motion.marched).y[:, : system.dynamics.size]
+        q = of_kind(ReferenceTrajectory, motion.source_motion).y[:, : system.dynamics.size]
     else:
         q, between = (states[first : 2 * times.size - 1 : 2, : system.dynamics.size] for first in (0, 1))
     none = np.zeros((times.size, 0))

@@ -23,12 +23,12 @@ from beamsim.typing import Bools, Floats, Ints, not_none
 
 AT_END = 1e-9  # of a segment: closer instants count as its end
 ROUND_OFF = 1e-12  # relative to a peak
-STILL = 1e-9  # relative variation up to which a channel is constant
-SAME = 1e-11  # relative to the largest value of a channel; closer neighbouring values are the same
+CONSTANT_VARIATION = 1e-9  # relative variation up to which a channel is constant
+SAME_EXTREME = 1e-11  # relative to the largest value of a channel; closer neighbouring values are the same
 MISSED = 2
-MISSES = 8  # closest misses of each snubber that are considered
+MOST_MISSES = 8  # closest misses of each snubber that are considered
 MOST_ROWS = 8  # extremes of a channel with many places: the largest ones are kept
-MOST_RIVALS = 500  # largest number of extremes that compete for a value
+MOST_COMPETITORS = 500  # largest number of extremes that compete for a value
 
 
 class Variation(NamedTuple):
@@ -106,12 +106,12 @@ class LocalExtremes:
         self.extremes, self.when = np.array([low, when_low, high, when_high]), (when_low, when_high)
         self._known = dict[int, Turns]()
 
-    def contests(self, chosen: Iterable[Value], limited: Container[Value]) -> list[Contest]:
+    def contests(self, values: Iterable[Value], limited_values: Container[Value]) -> list[Contest]:
         """Values of channels, and the largest over all places for limited values."""
         found = list[Contest]()
-        for value in chosen:
+        for value in values:
             at = [(channel, first) for channel, first in self.channels.first_columns if value.is_extreme_of(channel)]
-            groups = {value.name: at} if at and (value.single or (value in limited and len(at) > 1)) else {}
+            groups = {value.name: at} if at and (value.single or (value in limited_values and len(at) > 1)) else {}
             for channel, first in () if value.single else at:
                 groups.setdefault(f"{value.section}/{channel.name}/{value.name}", []).append((channel, first))
             found += [self._contest(name, value, columns) for name, columns in groups.items()]
@@ -127,17 +127,20 @@ class LocalExtremes:
             numbers, scale = sign * value.of_channels([channel], extreme), max(scale, np.abs(extreme[::2]).max())
             if numbers.max() > best:
                 k, best = int(numbers.argmax()), float(numbers.max())
-                of, slope = _alone(value, channel, extreme[::2, k])
+                of, slope = _single_extreme_value(value, channel, extreme[::2, k])
                 high = int(sign * of[1] >= sign * of[0])  # of equal magnitudes the highest counts
                 first = self.peak(row + k, high), float(slope[high]) if best else 0.0
             for k in _largest_rows(numbers):
                 turns = self._turns(row + k)
-                of, slope = _alone(value, channel, turns.value)
+                of, slope = _single_extreme_value(value, channel, turns.value)
                 which = np.where(sign * slope > 0.0, turns.high, (slope != 0.0) & turns.low) | turns.end
                 peaks += [turns.peaks[i] for i in np.flatnonzero(which)]
                 values.append(of[which])
                 factors.append(slope[which])
-        every, order = np.concatenate(values), np.argsort(-sign * np.concatenate(values), kind="stable")[:MOST_RIVALS]
+        every, order = (
+            np.concatenate(values),
+            np.argsort(-sign * np.concatenate(values), kind="stable")[:MOST_COMPETITORS],
+        )
         return Contest(
             name, columns[0][0].unit, sign, float(scale), np.append(sign * best, every[order]),
             [first[0], *(peaks[i] for i in order)], np.append(first[1], np.concatenate(factors)[order]),
@@ -157,7 +160,7 @@ class LocalExtremes:
             return self.output_of(phases)[row : row + 1]
 
         segment, time, value = motion.turning_points(output, np.flatnonzero(motion.length > 0.0))
-        near = SAME * float(np.abs(self.extremes[::2, row]).max(initial=0.0))
+        near = SAME_EXTREME * float(np.abs(self.extremes[::2, row]).max(initial=0.0))
         here = np.flatnonzero(np.append(True, np.abs(np.diff(value)) > near))  # both sides of an event are one extreme
         here[-1] = value.size - 1 if here.size > 1 else 0
         value = value[here]
@@ -175,7 +178,7 @@ class LocalExtremes:
     def constant_channel_warnings(self, contests: Iterable[Contest]) -> list[str]:
         """Warnings about values whose channel is constant, so that any change of a number may raise them."""
         low, _, high, _ = self.extremes
-        flat = high - low <= STILL * np.maximum(np.abs(low), np.abs(high))
+        flat = high - low <= CONSTANT_VARIATION * np.maximum(np.abs(low), np.abs(high))
         names = [of.name for of in contests if of.values[0] and of.factors[0] and flat[of.peaks[0].row]]
         message = (
             "does not change along the motion: its derivatives are those of one instant, and any change may raise it"
@@ -232,7 +235,7 @@ class LocalExtremes:
             least = -ROUND_OFF * float(np.abs(value).max(initial=0.0))  # round-off of a contact that just touches
             inner = 1 + np.flatnonzero((value[1:-1] < value[:-2]) & (value[1:-1] < value[2:]) & (value[1:-1] > least))
             inner = inner[(segment[inner - 1] == segment[inner]) & (segment[inner + 1] == segment[inner])]
-            nearest = inner[np.argsort(value[inner])[:MISSES]]
+            nearest = inner[np.argsort(value[inner])[:MOST_MISSES]]
             found += [Peak(int(row), MISSED, int(segment[k]), float(time[k]), 1) for k in nearest]
         return found
 
@@ -323,7 +326,7 @@ class LocalExtremes:
         return slopes
 
 
-def _alone(value: Value, channel: Channel, extreme: Floats) -> tuple[Floats, Floats]:
+def _single_extreme_value(value: Value, channel: Channel, extreme: Floats) -> tuple[Floats, Floats]:
     """Value of a channel with a single extreme, and its derivative by that extreme: 1, -1 or 0.
 
     Parameters

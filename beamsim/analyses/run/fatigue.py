@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.run.impacts import BLOCKS, LEAST, columns_of_cycles, jackknife
+from beamsim.analyses.run.impacts import BLOCKS, FEWEST_IMPACTS, columns_of_cycles, jackknife
 from beamsim.analyses.run.layouts import FATIGUE
 from beamsim.analyses.run.observers import ChunkObserver
 from beamsim.flow.channels import outputs_of
@@ -29,7 +29,7 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
 
 SAMPLES_OF_STRESS = 2000  # samples of a run, at least, for the largest von Mises stress
-COUNTED_AT_ONCE = 8  # stations counted together, after the one with the largest bound
+STATIONS_PER_BATCH = 8  # stations counted together, after the one with the largest bound
 SAME_DAMAGE = 1e-9  # relative; of stations with equal damage the first one is reported
 
 
@@ -222,17 +222,17 @@ def _worst(
             found[k] = damage(distinct_cycles(turns), unit, 1.0, exponent, limit), turns
         largest = max(done for done, _ in found.values())
         found = {k: each for k, each in found.items() if each[0] >= (1.0 - SAME_DAMAGE) * largest}
-        first, count = first + count, COUNTED_AT_ONCE
+        first, count = first + count, STATIONS_PER_BATCH
     worst = min(found)
     return int(stations[worst]), found[worst][1]
 
 
-def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[str, float]:
+def damage_interval(turning_points: Floats, done: float, settings: StressLife) -> dict[str, float]:
     """95 % interval of the mean damage of stationary motions as long as this one, from parts of it.
 
     Parameters
     ----------
-    turns : (n,) turning points of the stress, Pa.
+    turning_points : (n,) turning points of the stress, Pa.
     done : damage of all cycles.
     settings : S-N line.
 
@@ -240,12 +240,12 @@ def damage_interval(turns: Floats, done: float, settings: StressLife) -> dict[st
     -------
     Columns of `FATIGUE`, as ratios to the damage; empty for a record with few cycles.
     """
-    parts, limit = np.array_split(turns, BLOCKS), settings.endurance_limit or 0.0
+    parts, limit = np.array_split(turning_points, BLOCKS), settings.endurance_limit or 0.0
     each = np.array([
         damage(distinct_cycles(part), settings.stress_range, settings.cycles, settings.exponent, limit)
         for part in parts
     ])  # fmt: skip
-    if turns.size < BLOCKS * LEAST or np.count_nonzero(each) < 2:
+    if turning_points.size < BLOCKS * FEWEST_IMPACTS or np.count_nonzero(each) < 2:
         return {}
     (found,) = jackknife({"damage": each}, {"damage": lambda sums: np.log(sums["damage"])})
     low, high = (done * float(np.exp(end - found.value)) for end in (found.low, found.high))

@@ -61,15 +61,15 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         "energy_stored": histories.energy.stored,
     }
     if system.probes:
-        values |= _of_probes(motion, histories, base)
+        values |= _probe_histories(motion, histories, base)
     if system.snubbers:
-        values |= _of_snubbers(motion, histories)
+        values |= _snubber_variables(motion, histories)
     if springs := [spring for spring in system.springs if spring.kind != FRICTION]:
-        values |= _of_springs(springs, histories)
+        values |= _spring_variables(springs, histories)
     if friction:
-        values |= _of_friction(motion, histories, sliding)
+        values |= _friction_variables(motion, histories, sliding)
     if system.outputs:
-        values |= _of_outputs(system, histories)
+        values |= _output_histories(system, histories)
     of_members = {
         "snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers],
         "friction": [contact_units("rad" if isinstance(each, HingeElement) else "m") for each in friction],
@@ -83,12 +83,12 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
 
 def _friction_intervals(rows: Sequence[tuple[int, Any]]) -> Dataset:
     """Intervals of the statistics of friction contacts, each with the index of its contact."""
-    columns = {name: [getattr(row, name) for _, row in rows] for name in ("figure", "value", "low", "high")}
+    columns = {name: [getattr(row, name) for _, row in rows] for name in ("value_name", "value", "low", "high")}
     numbers = {"number": np.arange(len(rows)), "friction": [k for k, _ in rows]}
     return FRICTION_INTERVALS.dataset(numbers | columns)
 
 
-def _of_springs(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
+def _spring_variables(springs: Sequence[Any], histories: Histories) -> dict[str, Any]:
     """Variables of the nonlinear springs: properties and histories."""
     return {
         "spring": [spring.name for spring in springs],
@@ -106,7 +106,7 @@ def _numbers_or_none(values: Sequence[float | None]) -> Floats | None:
     return np.array([np.nan if value is None else value for value in values])
 
 
-def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[str, Any]:
+def _probe_histories(motion: RunMotion, histories: Histories, base: Floats) -> dict[str, Any]:
     """Histories of the probes; ``base`` is the base displacement (nt,), m."""
     system, probes, displacement = motion.system, motion.system.probes, histories.of(DISPLACEMENT).T
     bodies = system.scenario.bodies_of_places["probes"] if len(system.scenario.all_bodies) > 1 else {}
@@ -123,7 +123,7 @@ def _of_probes(motion: RunMotion, histories: Histories, base: Floats) -> dict[st
     }
 
 
-def _of_snubbers(motion: RunMotion, histories: Histories) -> dict[str, Any]:
+def _snubber_variables(motion: RunMotion, histories: Histories) -> dict[str, Any]:
     """Variables of the snubbers: properties and histories."""
     system, snubbers = motion.system, motion.system.snubbers
     bodies = system.scenario.bodies_of_places["snubbers"] if len(system.scenario.all_bodies) > 1 else {}
@@ -173,7 +173,7 @@ def _sliding_by_contact(motion: RunMotion, evaluation: Evaluation) -> list[dict[
     return evaluation.compute("sliding", lambda: sliding_values(system, counted, contacts, random=random), unknown)
 
 
-def _of_friction(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _friction_variables(motion: RunMotion, histories: Histories, sliding: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Variables of friction contacts: properties and histories; ``sliding`` is from `_sliding_by_contact`."""
     system = motion.system
     contacts, number = [each.item for each in system.scenario.listed("friction")], system.friction_contacts
@@ -214,13 +214,13 @@ def friction_summary(datasets: dict[str, Dataset]) -> dict[str, dict[str, Any]]:
         }
         numbers |= {called(f"{entry}_n"): value(entry) for entry in _FORCES}
         if intervals is not None and (rows := np.flatnonzero(intervals["friction"].values == k)).size:
-            of_rows = zip(*(intervals[of].values[rows].tolist() for of in ("figure", "low", "high")), strict=True)
+            of_rows = zip(*(intervals[of].values[rows].tolist() for of in ("value_name", "low", "high")), strict=True)
             numbers["intervals"] = {called(entry): [low, high] for entry, low, high in of_rows}
         summary[name] = {"sliding_share": value("sliding_share"), "slides": value("slides"), **numbers}
     return summary
 
 
-def _of_outputs(system: StructuralSystem, histories: Histories) -> dict[str, Any]:
+def _output_histories(system: StructuralSystem, histories: Histories) -> dict[str, Any]:
     """Outputs that the run requests, in its order."""
     met: Counter[str] = Counter()
     values = []

@@ -35,10 +35,10 @@ from beamsim.system.equations import RowsOf
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Bools, Floats, Ints, not_none
 
-SKIPPED = 0.1  # share of the run that is excluded at its beginning
+SKIPPED_SHARE = 0.1  # share of the run that is excluded at its beginning
 CONFIDENCE = 0.95
 BLOCKS = 20
-LEAST = 40  # impacts or slides needed for an interval
+FEWEST_IMPACTS = 40  # impacts or slides needed for an interval
 
 AT_REST = 1e-9  # relative to the highest approach speed; slower contacts begin at rest
 
@@ -160,9 +160,9 @@ class _Impacts:
     energy_lost: Floats
     cut: Bools
 
-    def select(self, which: Bools) -> _Impacts:
+    def select(self, mask: Bools) -> _Impacts:
         """Impacts selected by a mask."""
-        return _Impacts(*(values[which] for values in vars(self).values()))
+        return _Impacts(*(values[mask] for values in vars(self).values()))
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class _Contacts:
     forces: tuple[Floats, ...]  # N, at the ends and the turning points of each contact
     lost_before: float  # J, since a contact in an earlier chunk
     begins_in_contact: bool  # True if the first one began in an earlier chunk, or before the motion
-    lasts: bool  # True if the last one does not end in this chunk
+    continues: bool  # True if the last one does not end in this chunk
 
 
 def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
@@ -212,12 +212,12 @@ def _join_parts(parts: Sequence[_Contacts]) -> _Contacts:
     starts = np.cumsum([0, *(part.rows.begin.size for part in parts)])[:-1]  # index of the first contact of each chunk
     begins_in_contact = np.zeros(rows.begin.size, dtype=bool)
     for number, before, part in zip(starts[1:], parts[:-1], parts[1:], strict=True):
-        if before.lasts and part.begins_in_contact:
+        if before.continues and part.begins_in_contact:
             begins_in_contact[number] = True
         if number:
             rows.energy_lost[number - 1] += part.lost_before
     forces = tuple(force for part in parts for force in part.forces)
-    whole = _merge(_Contacts(rows, forces, 0.0, parts[0].begins_in_contact, parts[-1].lasts), ~begins_in_contact)
+    whole = _merge(_Contacts(rows, forces, 0.0, parts[0].begins_in_contact, parts[-1].continues), ~begins_in_contact)
     return replace(whole, rows=replace(whole.rows, contacts=np.ones_like(whole.rows.contacts)))
 
 
@@ -247,7 +247,7 @@ def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
     impacts = _merge(contacts, (rest >= minimum_rest) | (minimum_rest == 0.0)).rows
     if contacts.begins_in_contact:
         impacts.approach_speed[0], impacts.cut[0] = np.nan, True
-    if contacts.lasts:
+    if contacts.continues:
         impacts.separation_speed[-1], impacts.cut[-1] = np.nan, True
     return impacts
 
@@ -258,11 +258,11 @@ def _closes_at_start(trajectory: Trajectory, contact: int) -> bool:
     return bool(np.any(at_start & (trajectory.touch_changes > 0)))
 
 
-def _integrals(trajectory: Trajectory, contact: int, touching: Bools) -> Floats:
+def _integrals(trajectory: Trajectory, contact: int, closed: Bools) -> Floats:
     """(S, 3) integrals over each segment: squared force, force, dissipated power."""
     contacts = trajectory.flow.system.contacts
-    segments = np.arange(touching.size) if contacts.state_counts[contact] else np.flatnonzero(touching)
-    out = np.zeros((touching.size, 3))
+    segments = np.arange(closed.size) if contacts.state_counts[contact] else np.flatnonzero(closed)
+    out = np.zeros((closed.size, 3))
     if segments.size:
         out[segments] = trajectory.select(segments).segment_integrals(*_factors(trajectory.flow, contact))
     return out
@@ -309,15 +309,15 @@ def _penetration_rates(trajectory: Trajectory, contact: int, times: Floats) -> F
     return out
 
 
-def _statistics(span: tuple[float, float], every: _Impacts, counted: _Impacts) -> dict[str, float]:
+def _statistics(span: tuple[float, float], all_impacts: _Impacts, counted: _Impacts) -> dict[str, float]:
     """Statistics of one snubber; see `OF_SNUBBERS`."""
     duration = span[1] - span[0]
-    contact = float(every.contact_time.sum())
-    impulse, square = float(every.impulse.sum()), float(every.square.sum())
+    contact = float(all_impacts.contact_time.sum())
+    impulse, square = float(all_impacts.impulse.sum()), float(all_impacts.square.sum())
     return {
         "number": counted.begin.size,
         "cut": int(counted.cut.sum()),
-        "below_threshold": every.begin.size - counted.begin.size,
+        "below_threshold": all_impacts.begin.size - counted.begin.size,
         "rate_hz": counted.begin.size / duration if duration > 0 else np.nan,
         "contact_share": contact / duration if duration > 0 else np.nan,
         "mean_contact_time_s": _mean(counted.contact_time),
@@ -330,7 +330,7 @@ def _statistics(span: tuple[float, float], every: _Impacts, counted: _Impacts) -
         "restitution": _restitution(counted),
         "mean_energy_lost_j": _mean(counted.energy_lost),
         "impulse_n_s": impulse,
-        "energy_lost_j": float(every.energy_lost.sum()),
+        "energy_lost_j": float(all_impacts.energy_lost.sum()),
         "mean_force_n": impulse / duration if duration > 0 else np.nan,
         "rms_force_n": float(np.sqrt(square / duration)) if duration > 0 else np.nan,
         "mean_force_in_contact_n": impulse / contact if contact > 0 else np.nan,
@@ -360,10 +360,10 @@ def _with_rests(contacts: _Contacts) -> Floats:
     rest = np.zeros(1)
     parts = [each for force in contacts.forces for each in (rest, force)]
     parts = parts[1:] if contacts.begins_in_contact else parts
-    return np.concatenate([*parts, rest[:0] if contacts.lasts else rest])
+    return np.concatenate([*parts, rest[:0] if contacts.continues else rest])
 
 
-_FIGURES: dict[str, Callable[[Sums], Floats]] = {
+_INTERVAL_VALUES: dict[str, Callable[[Sums], Floats]] = {
     "rate_hz": lambda s: s["number"] / s["time"],
     "mean_contact_time_s": lambda s: s["contact_time"] / s["number"],
     "mean_peak_force_n": lambda s: s["peak_force"] / s["number"],
@@ -380,15 +380,15 @@ _FIGURES: dict[str, Callable[[Sums], Floats]] = {
 class ValueInterval(NamedTuple):
     """Value for a random input, with its interval."""
 
-    figure: str
+    value_name: str
     value: float  # without the first part of the run, SI
     low: float  # 95 %
     high: float
 
 
-def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> tuple[ValueInterval, ...]:
+def _intervals(all_impacts: _Impacts, counted: _Impacts, begin: float, end: float) -> tuple[ValueInterval, ...]:
     """Intervals for a random input; empty if there are too few impacts."""
-    begin = max(SKIPPED * end, begin)
+    begin = max(SKIPPED_SHARE * end, begin)
     width = (end - begin) / BLOCKS
 
     def sums(impacts: _Impacts, name: str) -> Floats:
@@ -397,14 +397,14 @@ def _intervals(every: _Impacts, counted: _Impacts, begin: float, end: float) -> 
         values = np.nan_to_num(getattr(impacts, name)) if name else np.ones(impacts.begin.size)
         return np.asarray(np.bincount(block[inside], values[inside], minlength=BLOCKS), dtype=float)
 
-    if np.sum(counted.begin >= begin) < LEAST:
+    if np.sum(counted.begin >= begin) < FEWEST_IMPACTS:
         return ()
     blocks = {"number": sums(counted, ""), "time": np.full(BLOCKS, width)}
     for name in ("contact_time", "peak_force", "impulse", "approach_speed", "energy_lost"):
         blocks[name] = sums(counted, name)
     for name in ("contact_time", "impulse", "square"):
-        blocks[f"every {name}"] = sums(every, name)
-    return jackknife(blocks, _FIGURES)
+        blocks[f"every {name}"] = sums(all_impacts, name)
+    return jackknife(blocks, _INTERVAL_VALUES)
 
 
 def jackknife(blocks: Sums, estimators: Mapping[str, Callable[[Sums], Floats]]) -> tuple[ValueInterval, ...]:
@@ -444,7 +444,7 @@ def sliding_values(
     """
     begin, times = float(trajectory.time[0]), np.array([trajectory.end])
     if random:
-        times = np.linspace(max(SKIPPED * trajectory.end, begin), trajectory.end, BLOCKS + 1)
+        times = np.linspace(max(SKIPPED_SHARE * trajectory.end, begin), trajectory.end, BLOCKS + 1)
     sums = _sliding(system, trajectory, contacts, times)
     duration = trajectory.end - begin if trajectory.end > begin else np.inf
     return [
@@ -466,7 +466,7 @@ def _sliding_intervals(sums: Sums, times: Floats) -> tuple[ValueInterval, ...]:
     """Confidence intervals for one contact, from sums up to given times; empty if it rarely slides."""
     blocks = {name: np.diff(of) for name, of in sums.items()} | {"duration": np.diff(times)}
     estimators = {figure: partial(_rate, name) for figure, name in _RATES.items()}
-    return jackknife(blocks, estimators) if blocks["slides"].sum() >= LEAST else ()
+    return jackknife(blocks, estimators) if blocks["slides"].sum() >= FEWEST_IMPACTS else ()
 
 
 def _rate(name: str, sums: Sums) -> Floats:
@@ -518,15 +518,15 @@ def _sliding(
     snaps[1:] = (begins[1:] & (phases[:-1] == STICK)) * normal[1:] * drop / spring
     begun = np.searchsorted(trajectory.time, times, side="right")
 
-    def until(events: Floats) -> Floats:
+    def sums_until(events: Floats) -> Floats:
         return np.asarray(np.vstack([np.zeros(which.size), np.cumsum(events, axis=0)])[begun])
 
     ends = np.append(trajectory.time, trajectory.end)
     slid = np.vstack([np.zeros(which.size), np.cumsum(slides * trajectory.length[:, None], axis=0)])
     return {
         "time": np.column_stack([np.interp(times, ends, column) for column in slid.T]),
-        "distance": distance + until(snaps),
-        "wear": wear + until(snaps * normal),
-        "lost": lost + until(trajectory.event_losses()[:, which]),
-        "slides": until(begins.astype(float)),
+        "distance": distance + sums_until(snaps),
+        "wear": wear + sums_until(snaps * normal),
+        "lost": lost + sums_until(trajectory.event_losses()[:, which]),
+        "slides": sums_until(begins.astype(float)),
     }

@@ -275,7 +275,7 @@ FRICTION_INTERVALS = Layout(
     {
         "number": Variable(_NUMBER, "1", ROW, int),
         "friction": Variable(_NUMBER, "1", "number of the friction contact, from 0", int, names="histories/friction"),
-        "figure": Variable(_NUMBER, "1", "name of the value", str),
+        "value_name": Variable(_NUMBER, "1", "name of the value", str),
         "value": Variable(_NUMBER, "", "the value without the first part of the run, in its SI unit"),
         "low": Variable(_NUMBER, "", "lower end of the interval, 95 %"),
         "high": Variable(_NUMBER, "", "upper end of the interval, 95 %"),
@@ -380,7 +380,7 @@ IMPACT_STATISTICS = Layout(
         "interval_snubber": Variable(
             _INTERVAL, "1", "number of the snubber, from 0", int, names="impact_statistics/snubber"
         ),
-        "figure": Variable(_INTERVAL, "1", "name of the value", str),
+        "value_name": Variable(_INTERVAL, "1", "name of the value", str),
         "value": Variable(_INTERVAL, "", "the value without the first part of the run, in its SI unit"),
         "low": Variable(_INTERVAL, "", "lower end of the interval, 95 %"),
         "high": Variable(_INTERVAL, "", "upper end of the interval, 95 %"),

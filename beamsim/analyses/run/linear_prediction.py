@@ -48,7 +48,7 @@ from beamsim.typing import Floats, Ints
 
 NODES = 8
 NODES_OF_BINS = 3  # for means over frequency bins
-GROWTH = 4.0  # growth of the distance from a resonance, from panel to panel
+PANEL_GROWTH = 4.0  # growth of the distance from a resonance, from panel to panel
 BLOCK = 256  # frequencies at a time
 UNDAMPED = 1e-9  # half-power bandwidth over frequency; smaller counts as undamped
 
@@ -56,7 +56,7 @@ Deviations = dict[tuple[str, str], float]  # by name and quantity
 SIGMAS = 3.0  # standard deviations of a stationary motion that a preload should withstand
 ALWAYS_CLOSED = 1e-12  # relative to the penetration at rest; a smaller change is round-off
 _WATCHED = (PENETRATION, FORCE, ("springs", "extension"), ("friction", "extension"))
-OfSnubbers = dict[str, dict[str, Any]]
+SnubberEntries = dict[str, dict[str, Any]]
 
 
 class LinearInput(NamedTuple):
@@ -115,29 +115,29 @@ def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tup
     return responses
 
 
-def stationary_deviations(driven: LinearInput, phases: Ints) -> Deviations | None:
+def stationary_deviations(random_input: LinearInput, phases: Ints) -> Deviations | None:
     """Standard deviations if all contacts keep their phases (m,); None with an undamped resonance in the band."""
-    powers = stationary_powers(driven, phases)
+    powers = stationary_powers(random_input, phases)
     return None if powers is None else {of: float(np.sqrt(power[0])) for of, power in powers.items()}
 
 
-def _panels(system: StructuralSystem, phases: Ints, at_hz: Floats) -> Floats | None:
+def _panels(system: StructuralSystem, phases: Ints, centre_hz: Floats) -> Floats | None:
     """(P + 1,) ends of panels with smooth density and response, Hz; None if the response diverges."""
     dynamics, shape, n = system.dynamics, system.dynamics.contacts.shape, system.dynamics.size
     pushed = dynamics.contacts.dynamic_stiffness(phases, np.ones(1))[0]  # of slow motions
     stiffness = np.diag(dynamics.stiffness) + (shape.T * pushed.real) @ shape
     damping = dynamics.damping + (shape.T * pushed.imag) @ shape
     poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])) / (2 * np.pi)
-    low, high = float(at_hz[0]), float(at_hz[-1])
+    low, high = float(centre_hz[0]), float(centre_hz[-1])
     octaves = np.geomspace(low, high, max(int(np.ceil(np.log2(high / low))), 1) + 1)
-    ends = [at_hz, octaves]
+    ends = [centre_hz, octaves]
     for pole in poles[poles.imag > 0]:
         centre, width = float(pole.imag), abs(float(pole.real))
         if width < UNDAMPED * centre:
             if low <= centre <= high:
                 return None
             continue
-        distances = width * GROWTH ** np.arange(max(np.ceil(np.log(high / width) / np.log(GROWTH)), 0) + 1)
+        distances = width * PANEL_GROWTH ** np.arange(max(np.ceil(np.log(high / width) / np.log(PANEL_GROWTH)), 0) + 1)
         ends += [centre - distances, centre + distances]
     inside = np.concatenate(ends)
     return np.unique(np.clip(inside, low, high))
@@ -167,13 +167,13 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
 
 
 def stationary_powers(
-    driven: LinearInput, phases: Ints, edges: Floats | None = None
+    random_input: LinearInput, phases: Ints, edges: Floats | None = None
 ) -> dict[tuple[str, str], Floats] | None:
     """Mean squares of the stationary linear motion in parts of the band, if all contacts keep their phases.
 
     Parameters
     ----------
-    driven : structure and input.
+    random_input : structure and input.
     phases : (m,) phases of the contacts.
     edges : (B + 1,) increasing band edges, Hz; by default the ends of the input's band with intermediate points.
 
@@ -183,19 +183,19 @@ def stationary_powers(
     within the band.
     """
     panels, count = (
-        _panels(driven.system, phases, driven.density.frequency_hz),
+        _panels(random_input.system, phases, random_input.density.frequency_hz),
         NODES if edges is None else NODES_OF_BINS,
     )
     if panels is None:
         return None
     edges = panels[[0, -1]] if edges is None else edges
     inside = edges[(edges > panels[0]) & (edges < panels[-1])]
-    names = _names(driven.system)
+    names = _names(random_input.system)
     power = np.zeros((edges.size - 1, len(names)))
     for frequency, weight in _nodes(np.unique(np.concatenate([panels, inside])), count):
-        within = weight * driven.clipping * driven.density(frequency)
+        within = weight * random_input.clipping * random_input.density(frequency)
         bins = np.clip(np.searchsorted(edges, frequency) - 1, 0, edges.size - 2)
-        np.add.at(power, bins, within[:, None] * _squared_responses(driven.system, phases, frequency))
+        np.add.at(power, bins, within[:, None] * _squared_responses(random_input.system, phases, frequency))
     return dict(zip(names, power.T, strict=True))
 
 
@@ -210,7 +210,7 @@ def _nodes(panels: Floats, count: int) -> Iterator[tuple[Floats, Floats]]:
         yield frequency[begin : begin + BLOCK], weights[begin : begin + BLOCK]
 
 
-def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> OfSnubbers:
+def gapping_of_motion(settings: Run, motion: RunMotion, level: float | None) -> SnubberEntries:
     """Factors on the input at which the linear motion changes contact, from its extremes."""
     system, count = motion.system, len(motion.system.snubbers)
     contacts = system.dynamics.contacts
@@ -247,9 +247,9 @@ def _by_snubber(
     system: StructuralSystem,
     measure: str,
     changes: Sequence[dict[str, Any]],
-    together: Sequence[float],
-    alone: Sequence[float] | None,
-) -> OfSnubbers:
+    preloads_together: Sequence[float],
+    preloads_alone: Sequence[float] | None,
+) -> SnubberEntries:
     """Assemble the summary entry ``gapping``.
 
     Parameters
@@ -257,7 +257,8 @@ def _by_snubber(
     system : system of the contacts.
     measure : name of the value that orders the contact changes.
     changes : predicted contact change of each contact.
-    together, alone : preloads that keep each snubber closed, N: with all snubbers closed, and with the others as they
+    preloads_together, preloads_alone : preloads that keep each snubber closed, N: with all snubbers closed, and with
+        the others as they
     are at rest; None if these are the same.
 
     Returns
@@ -269,8 +270,8 @@ def _by_snubber(
         law = system.dynamics.contacts.laws[j]
         if law.linear_in_contact:
             kept = 0.0 if law.latches else 1.0  # a latch needs no preload
-            others = together[j] if alone is None else alone[j] if closed[j] else math.nan
-            preloads = {"preload_n": kept * together[j], "preload_alone_n": kept * others}
+            others = preloads_together[j] if preloads_alone is None else preloads_alone[j] if closed[j] else math.nan
+            preloads = {"preload_n": kept * preloads_together[j], "preload_alone_n": kept * others}
             of_snubber[snubber.name] = {"closed_at_rest": bool(closed[j])} | changes[j] | preloads
     measures = {name: of[measure] for name, of in of_snubber.items()}
     return order_by_level(of_snubber, measures, min(of[measure] for of in changes)) if of_snubber else {}
@@ -322,7 +323,7 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints) -> Ext
     return channels.split(np.array(channel_extrema(trajectory, channels)[:4]))
 
 
-def gapping_of_random(system: StructuralSystem) -> OfSnubbers:
+def gapping_of_random(system: StructuralSystem) -> SnubberEntries:
     """Number of standard deviations of the stationary linear motion at which contact changes."""
     driven = linear_input(system)
     if driven is None:

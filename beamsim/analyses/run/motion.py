@@ -68,7 +68,7 @@ MOTION_SHARE, HISTORIES_SHARE = 0.5, 0.3  # for the motion (twice while it is jo
 GRACE_S = 0.7
 """Processor time after an interruption, s, in which a marched motion is evaluated completely and therefore kept; the
 same again for its histories."""
-KEPT_S = 0.25
+BEGINNING_S = 0.25
 """Processor time after that, s, in which the first part of a longer motion is evaluated, which is then kept."""
 FEWEST_SEGMENTS = 64  # of a motion that are always evaluated
 
@@ -161,24 +161,24 @@ class Evaluation:
     """
 
     stop: Stop
-    left_out: list[str] = field(default_factory=list)  # descriptions of skipped steps
+    skipped_steps: list[str] = field(default_factory=list)  # descriptions of skipped steps
 
-    def compute(self, what: str, compute: Callable[[], Value], instead: Value, minor: bool = False) -> Value:
-        """Result of a step; ``instead`` if it is skipped.
+    def compute(self, description: str, compute: Callable[[], Value], replacement: Value, minor: bool = False) -> Value:
+        """Result of a step; ``replacement`` if it is skipped.
 
         Parameters
         ----------
-        what : description, recorded if the step is skipped.
-        compute, instead : function that computes the result, and the replacement.
+        description : description, recorded if the step is skipped.
+        compute, replacement : function that computes the result, and the replacement.
         minor : record the description only if nothing before it was skipped.
         """
         with suppress(Interrupted), stop_requests(self.stop, at_once=True):
-            if not self.left_out:
+            if not self.skipped_steps:
                 check_stop()
                 return compute()
-        if not (minor and self.left_out):
-            self.left_out.append(what)
-        return instead
+        if not (minor and self.skipped_steps):
+            self.skipped_steps.append(description)
+        return replacement
 
 
 class Work(NamedTuple):
@@ -197,7 +197,7 @@ class RunMotion:
 
     system: StructuralSystem
     method: str
-    marched: MotionInChunks | ReferenceTrajectory
+    source_motion: MotionInChunks | ReferenceTrajectory
     outcome: Outcome
     energy_error: float  # of the energy balance, relative
     extremes: Extremes
@@ -214,14 +214,16 @@ class RunMotion:
     memory: Mapping[str, int] = field(default_factory=dict)  # memory entries of the summary
     compared_s: float | None = None  # s, length of the first part, compared with a finer model, if not all is kept
     warnings: tuple[str, ...] = ()
-    known: Trajectory | Histories = field(init=False)  # closed form, or time-stepped motion at the output times
+    available_motion: Trajectory | Histories = field(
+        init=False
+    )  # closed form, or time-stepped motion at the output times
     work: Work = field(init=False)  # of the solver
     events: Dataset = field(init=False)  # closings and openings of the snubbers, without breakpoints of their tables
 
     def __post_init__(self) -> None:
         """Set the work of the march and the contact events."""
-        of, count = self.marched, len(self.system.snubbers)  # higher contact numbers are springs and friction
-        self.known = self.trajectory or not_none(self.histories)
+        of, count = self.source_motion, len(self.system.snubbers)  # higher contact numbers are springs and friction
+        self.available_motion = self.trajectory or not_none(self.histories)
         self.work = Work(of.event_time.size, of.evaluations, of.segments, of.states, of.processor_time_s)
         chosen = (of.event_contact < count) & (of.touch_changes != 0)
         events = {
@@ -239,9 +241,9 @@ class RunMotion:
     @property
     def breakpoints(self) -> int:
         """Number of passed breakpoints of piecewise-linear springs, without the start."""
-        rubbing = np.isin(self.marched.event_contact, self.system.friction_contacts)
-        of_spring = (self.marched.event_contact >= len(self.system.snubbers)) & ~rubbing
-        return int(np.sum(of_spring & (self.marched.event_time > 0)))
+        rubbing = np.isin(self.source_motion.event_contact, self.system.friction_contacts)
+        of_spring = (self.source_motion.event_contact >= len(self.system.snubbers)) & ~rubbing
+        return int(np.sum(of_spring & (self.source_motion.event_time > 0)))
 
 
 def steps_in_time(system: StructuralSystem, settings: Run) -> bool:
@@ -332,7 +334,7 @@ def _too_long_histories(samples: int, columns: int, needed: int, memory: float) 
     )
 
 
-def _refuse_what_needs_all(system: StructuralSystem, settings: Run) -> None:
+def _refuse_whole_motion_settings(system: StructuralSystem, settings: Run) -> None:
     """Refuse settings that need the whole motion in memory, if it does not fit."""
     needed = {"run.srs": settings.srs is not None, "friction": system.friction_contacts.size > 0}
     problems = [
@@ -385,7 +387,9 @@ def exact_motion_of(
     )
     channels = system.channels.without(STRESS)
     recorder = HistoryRecorder(flow, channels, times, GracePeriod(stop), samples) if sampled else None
-    impacts, stresses, plates = _longer(system, settings, times, needed, stop) if needed.derived else (None, None, None)
+    impacts, stresses, plates = (
+        _chunk_observers(system, settings, times, needed, stop) if needed.derived else (None, None, None)
+    )
     states = _StateRecorder(needed.state_times) if needed.state_times.size else None
     values = ChunkValues(system, settings, flow, times, needed)
     with locating({"duration": "run.duration"}):
@@ -394,8 +398,8 @@ def exact_motion_of(
                 if observer is not None:
                     observer.add(part)
     return RunMotion(
-        system=system, method="exact", outcome=values.balance.check(with_limit(march.outcome, limit)), marched=march,
-        energy_error=values.balance.error, extremes=values.extremes, extreme_states=values.extreme_states,
+        system=system, method="exact", outcome=values.balance.check(with_limit(march.outcome, limit)),
+        source_motion=march, energy_error=values.balance.error, extremes=values.extremes, extreme_states=values.extreme_states,
         contact_share=march.contact_share, histories=None if recorder is None else recorder.histories,
         contact=values.contact, states=None if states is None else states.states,
         low_passed=None if values.low_passed is None else values.low_passed.values,
@@ -453,7 +457,7 @@ class _LatestPart:
     @classmethod
     def of(cls, march: MotionInChunks, system: StructuralSystem, settings: Run) -> _LatestPart:
         """The part that has spectra; raises ScenarioError if a setting needs the whole motion."""
-        _refuse_what_needs_all(system, settings)
+        _refuse_whole_motion_settings(system, settings)
         kept_s = settings.memory / BYTES_A_PIECE * not_none(march.flow.record).step  # s, length that fits
         return cls(min(SPECTRUM_SHARE * kept_s, settings.spectrum.last or math.inf), COMPARED_SHARE * kept_s)
 
@@ -473,7 +477,7 @@ class _LatestPart:
         return whole.extract(begin, whole.end) if begin > whole.time[0] else whole
 
 
-def _longer(
+def _chunk_observers(
     system: StructuralSystem, settings: Run, times: Floats, needed: Needed, stop: Stop
 ) -> tuple[ImpactObserver | None, StressObserver | None, PlateStress | None]:
     """Observers of chunks that take longer than the values of the motion itself."""
@@ -506,14 +510,14 @@ class GracePeriod:
     """
 
     stop: Stop
-    since: float = math.inf
+    start_s: float = math.inf
 
     def __call__(self) -> bool:
         """True if the time is over."""
         if not self.stop():
             return False
-        self.since = min(self.since, processor_time())
-        return processor_time() - self.since > GRACE_S
+        self.start_s = min(self.start_s, processor_time())
+        return processor_time() - self.start_s > GRACE_S
 
 
 Computed = tuple[tuple[Floats, EnergyHistory, float], dict[Key, Extreme], LowPassed | None]
@@ -564,7 +568,7 @@ class ChunkValues:
         while True:
             part = chunk.select(slice(0, segments))
             found = self.compute(part)
-            if segments >= chunk.time.size or processor_time() - begin > KEPT_S:
+            if segments >= chunk.time.size or processor_time() - begin > BEGINNING_S:
                 return part, found
             segments *= 2
 

@@ -44,7 +44,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED
+from beamsim.analyses.run.impacts import CONFIDENCE, SKIPPED_SHARE
 from beamsim.analyses.run.layouts import RANDOM
 from beamsim.analyses.run.linear_prediction import linear_responses
 from beamsim.analyses.run.motion import RunMotion
@@ -66,15 +66,15 @@ from beamsim.typing import Complexes, Floats, not_none
 _DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name, "N m": MOMENT_PSD.name}
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
-FREEDOM_OF_SEGMENT = 8  # per segment, so that each has an independent peak
+SEGMENT_FREEDOM = 8  # per segment, so that each has an independent peak
 FEWEST_SEGMENTS, MOST_SEGMENTS = 5, 50
-EXPECTED = "expected_peak", "expected_peak_low", "expected_peak_high"
-UNKNOWN = "expected_peak_unknown"
+EXPECTED_PEAK_KEYS = "expected_peak", "expected_peak_low", "expected_peak_high"
+UNKNOWN_PEAK_KEY = "expected_peak_unknown"
 SAME_PEAK = 1e-9  # relative difference up to which the largest peaks of two segments count as the same, a bound
-OTHER_STIFFNESS = 0.5  # relative change of a contact's stiffness that makes a test unlike its record
+LARGEST_STIFFNESS_CHANGE = 0.5  # relative change of a contact's stiffness that makes a test unlike its record
 DRAWS = 20_000  # random records for the interval of a largest value
-REACHED = "largest value that the run reached"  # compared with limits if no value of the test is known
-MOST_TIMES_AS_LONG = 1000  # longest record that is recommended to decide on a limit
+REACHED_TEXT = "largest value that the run reached"  # compared with limits if no value of the test is known
+LARGEST_DURATION_RATIO = 1000  # longest record that is recommended to decide on a limit
 LEVELS = np.linspace(-12.0, 12.0, 97)  # levels with counted crossings, in standard deviations above the mean
 
 
@@ -110,7 +110,7 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
         Layout `RANDOM`; None if the run is too short.
     """
     times, system = result["histories"]["time"].values, motion.system
-    if times.size - int(SKIPPED * times.size) < LEAST_SAMPLES:
+    if times.size - int(SKIPPED_SHARE * times.size) < LEAST_SAMPLES:
         return None
     record = StationaryRecord(result, system, found)
     entered = _input_of(system, result["histories"])
@@ -152,17 +152,22 @@ class StationaryRecord:
     found : values of the motion, by entry of the summary.
     """
 
-    def __init__(self, result: RunResult, system: StructuralSystem, found: Mapping[str, Any]) -> None:
-        self._histories, self._scenario, self._system, self._found = result["histories"], result.scenario, system, found
+    def __init__(self, result: RunResult, system: StructuralSystem, values: Mapping[str, Any]) -> None:
+        self._histories, self._scenario, self._system, self._found = (
+            result["histories"],
+            result.scenario,
+            system,
+            values,
+        )
         times, settings = self._histories["time"].values, not_none(result.scenario.run)
-        self.first = int(SKIPPED * times.size)  # first sample of the stationary part
+        self.first = int(SKIPPED_SHARE * times.size)  # first sample of the stationary part
         self._end, self._rate = float(times[-1]), (times.size - 1) / float(times[-1] - times[0])  # s, Hz
         self._segment = max(2 * (times.size - self.first) // (SEGMENTS + 1), LEAST_SAMPLES // 2)  # samples
         self.frequency: Floats = np.asarray(np.fft.rfftfreq(self._segment, 1.0 / self._rate), dtype=float)  # Hz
         self.tested = settings.test_duration or settings.duration  # s
         self._outlasts = self.tested >= settings.duration  # the test includes the computed motion
         self._linear = linear_responses(system, self.frequency)
-        self._beyond = _beyond_record(result, system, self.first, self.tested * self._rate)
+        self._beyond = _changes_beyond_record(result, system, self.first, self.tested * self._rate)
 
     def statistics(self, signal: StationarySignal) -> dict[str, Any]:
         """Values of `RANDOM` for a signal, by name; missing ones are omitted."""
@@ -188,35 +193,37 @@ class StationaryRecord:
         freedom : degrees of freedom of its mean square.
         """
         name, quantity = signal.name, signal.quantity
-        seen = _behind_filter(self._histories, signal)[self.first :]
+        seen = _filtered_history(self._histories, signal)[self.first :]
         pressed = _compression(self._system, self._histories, name, self.first) if quantity == "force" else None
         measured, samples = Magnitude(seen, quantity == "opening", pressed), self.tested * self._rate
         others = [why for of, why in self._beyond.items() if of != (name, quantity) and name != "input"]
-        expected: dict[str, Any] = {UNKNOWN: others[0]} if others else largest_of_test(measured, freedom, samples)
+        expected: dict[str, Any] = (
+            {UNKNOWN_PEAK_KEY: others[0]} if others else largest_of_test(measured, freedom, samples)
+        )
         if not expected and (name, quantity) in self._beyond:
-            expected[UNKNOWN] = self._beyond[name, quantity]  # a stop that only the test may reach
+            expected[UNKNOWN_PEAK_KEY] = self._beyond[name, quantity]  # a stop that only the test may reach
         mean = float(seen.mean())
         expected["three_sigma"] = (mean if measured.one_sided else abs(mean)) + 3.0 * float(seen.std())
-        if EXPECTED[0] in expected:
+        if EXPECTED_PEAK_KEYS[0] in expected:
             limit = _limit_on_peak(self._scenario, signal._asdict())
-            if expected[EXPECTED[1]] <= limit < expected[EXPECTED[2]]:
+            if expected[EXPECTED_PEAK_KEYS[1]] <= limit < expected[EXPECTED_PEAK_KEYS[2]]:
                 expected["decided_after_s"] = self._end * deciding_share(measured, freedom, samples, limit)
             if self._outlasts:
                 reached = _largest_in_run(self._found, signal._asdict())
-                expected |= {each: max(expected[each], reached) for each in EXPECTED}
+                expected |= {each: max(expected[each], reached) for each in EXPECTED_PEAK_KEYS}
         return expected
 
     def transmissibility(
-        self, given: Floats, response: Floats, input_density: Floats, density: Floats
+        self, input_history: Floats, response_history: Floats, input_density: Floats, density: Floats
     ) -> tuple[Complexes, Floats]:
         """H1 from the input's history (nt,) to that of a response, and their coherence, (nf,) each.
 
         Parameters
         ----------
-        given, response : histories.
+        input_history, response_history : histories.
         input_density, density : (nf,) densities of the two.
         """
-        cross = cross_density(given[self.first :], response[self.first :], self._rate, self._segment)
+        cross = cross_density(input_history[self.first :], response_history[self.first :], self._rate, self._segment)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(cross / input_density), np.asarray(np.abs(cross) ** 2 / (input_density * density))
 
@@ -247,7 +254,7 @@ def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
     return StationarySignal("excitation", "input", quantity, amplitude_unit(quantity), history)
 
 
-def _behind_filter(histories: Dataset, signal: StationarySignal) -> Floats:
+def _filtered_history(histories: Dataset, signal: StationarySignal) -> Floats:
     """History of a signal for the expected largest value: an acceleration after run.low_pass."""
     if signal.section == "probes" and signal.quantity == MAIN_QUANTITY and "low_passed_acceleration" in histories:
         return histories["low_passed_acceleration"].sel(probe=signal.name).values
@@ -459,23 +466,23 @@ def largest_of_test(signal: Magnitude, freedom: float, samples: float) -> dict[s
     """
     (x, _, compression), (mean, peaks) = signal, signal.peaks(freedom)
     if peaks.size == 0 and freedom:
-        return {UNKNOWN: f"the record has fewer than {FEWEST_SEGMENTS} independent peaks"}
+        return {UNKNOWN_PEAK_KEY: f"the record has fewer than {FEWEST_SEGMENTS} independent peaks"}
     if peaks.max(initial=0.0) <= 0.0:
         return {}
     if peaks.min() <= (mean if compression is None else 0.0):
-        return {UNKNOWN: "it is zero in a part of the record"}
+        return {UNKNOWN_PEAK_KEY: "it is zero in a part of the record"}
     bounded = np.sort(peaks)[-2:]
     if np.ptp(bounded) <= SAME_PEAK * bounded[1]:  # a force that yields has a bound
-        return dict.fromkeys(EXPECTED, float(bounded[1]))
+        return dict.fromkeys(EXPECTED_PEAK_KEYS, float(bounded[1]))
     if compression is None:
         found = mean + np.sqrt(_extrapolate((peaks - mean) ** 2, samples / x.size))
-        return dict(zip(EXPECTED, found.tolist(), strict=True))
+        return dict(zip(EXPECTED_PEAK_KEYS, found.tolist(), strict=True))
     energies = np.array([compression.energy(peak) for peak in peaks.tolist()])
     if not np.isfinite(energies).all():  # more than the law can produce
-        return {UNKNOWN: "most of it is the force of a dashpot"}
+        return {UNKNOWN_PEAK_KEY: "most of it is the force of a dashpot"}
     return {
         name: compression.largest(energy)
-        for name, energy in zip(EXPECTED, _extrapolate(energies, samples / x.size).tolist(), strict=True)
+        for name, energy in zip(EXPECTED_PEAK_KEYS, _extrapolate(energies, samples / x.size).tolist(), strict=True)
     }
 
 
@@ -502,11 +509,11 @@ def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: flo
         energies = np.array([compression.energy(peak) for peak in peaks.tolist()])
         energy = compression.energy(limit)
     segments = energies.size
-    energies = _independent(energies)
+    energies = _independent_peaks(energies)
     joined = segments / energies.size  # number of segments with one independent peak each
     place, scale, skewness = _moments(np.sort(energies))
-    for share in 2.0 ** np.arange(0.5, np.log2(MOST_TIMES_AS_LONG), 0.5):
-        count = int(min(share * freedom / FREEDOM_OF_SEGMENT, MOST_SEGMENTS) / joined)
+    for share in 2.0 ** np.arange(0.5, np.log2(LARGEST_DURATION_RATIO), 0.5):
+        count = int(min(share * freedom / SEGMENT_FREEDOM, MOST_SEGMENTS) / joined)
         longer = share * energies.size / count  # number of segments
         pivot = _pivots(count, count * samples / x.size / share, skewness)
         low, high = place + scale * (np.log(longer) / np.log(2.0) + pivot[1:])
@@ -518,25 +525,25 @@ def deciding_share(signal: Magnitude, freedom: float, samples: float, limit: flo
 def _limit_on_peak(scenario: Scenario, signal: Mapping[str, Any]) -> float:
     """Lowest limit on the peaks of a signal, SI; nan without a limit."""
     limits = {} if scenario.limits is None else scenario.limits.values_by_name
-    return min((limit for name, limit in limits.items() if _on_peak(name, signal)), default=math.nan)
+    return min((limit for name, limit in limits.items() if _applies_to_peak(name, signal)), default=math.nan)
 
 
-def _largest_in_run(found: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
+def _largest_in_run(values: Mapping[str, Any], signal: Mapping[str, Any]) -> float:
     """Largest magnitude of a signal in the run, also between samples; 0 for the input."""
     for name, value in LIMITED.items():
-        if _on_peak(name, signal) and value.entry in found:
-            of_places = found[value.entry]
+        if _applies_to_peak(name, signal) and value.entry in values:
+            of_places = values[value.entry]
             return float(of_places if value.single else of_places.get(signal["name"], 0.0) * value.scale)
     return 0.0
 
 
-def _on_peak(limit: str, signal: Mapping[str, Any]) -> bool:
+def _applies_to_peak(limit: str, signal: Mapping[str, Any]) -> bool:
     """True if a limit (given by name) applies to the peaks of a signal."""
     value, place = parse_limit(limit)
     return value.on_peak_of(signal) and place in ("", signal["name"])
 
 
-def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | None) -> Margins:
+def margins_in_test(scenario: Scenario, margins: Margins, random: Dataset | None) -> Margins:
     """Margins of a run with a stationary input; limits on peaks use the largest values of the test.
 
     Without run.test_duration they use the values of the run, and are marked so.
@@ -544,7 +551,7 @@ def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | Non
     Parameters
     ----------
     scenario : scenario with a stationary input.
-    compared : margins of the values of the run.
+    margins : margins of the values of the run.
     random : statistics of the record; None if it is too short.
 
     Returns
@@ -552,32 +559,32 @@ def margins_in_test(scenario: Scenario, compared: Margins, random: Dataset | Non
     Margins
         If the largest value of a test is not known, and the run does not exceed the limit, the range is open.
     """
-    run, found = not_none(scenario.run), dict(compared)
+    run, found = not_none(scenario.run), dict(margins)
     signals = [] if random is None else random.rows("signal")[1:]
-    for name, item in compared.items():
+    for name, item in margins.items():
         if parse_limit(name)[0].of is None:  # root mean squares and densities
             continue
         if run.test_duration is None:
-            found[name] = item | {"statistic": REACHED}
+            found[name] = item | {"statistic": REACHED_TEXT}
             continue
-        of_limit = [signal for signal in signals if _on_peak(name, signal)]
-        known = [_in_test(run, item, signal) for signal in of_limit if not signal.get(UNKNOWN)]
+        of_limit = [signal for signal in signals if _applies_to_peak(name, signal)]
+        known = [_margin_in_test(run, item, signal) for signal in of_limit if not signal.get(UNKNOWN_PEAK_KEY)]
         if known and len(known) == len(of_limit):
             found[name] = item | max(known, key=itemgetter("value"))
         else:  # the largest value of the test is unknown
-            found[name] = item | {"statistic": REACHED, "highest": math.inf}
+            found[name] = item | {"statistic": REACHED_TEXT, "highest": math.inf}
     return with_verdicts(found)
 
 
-def _known(value: float | None) -> bool:
+def _is_known(value: float | None) -> bool:
     return value is not None and not math.isnan(value)
 
 
-def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> dict[str, Any]:
+def _margin_in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> dict[str, Any]:
     """Margin of one signal whose largest value in the test is known."""
-    rests = not _known(signal.get(EXPECTED[0]))  # the signal is at rest
+    rests = not _is_known(signal.get(EXPECTED_PEAK_KEYS[0]))  # the signal is at rest
     still = max(abs(float(signal["highest"])), abs(float(signal["lowest"])))
-    median, low, high = (still if rests else float(signal[name]) for name in EXPECTED)
+    median, low, high = (still if rests else float(signal[name]) for name in EXPECTED_PEAK_KEYS)
     test = "largest value in run.test_duration"
     if run.test_peak == "interval":
         size, statistic = high, f"upper end of the 95 % interval of the {test}"
@@ -599,7 +606,7 @@ def _in_test(run: Run, item: Mapping[str, Any], signal: Mapping[str, Any]) -> di
     return of_place
 
 
-def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Outcome:
+def with_test_outcome(outcome: Outcome, random: Dataset | None, settings: Run) -> Outcome:
     """Mark the outcome of a run as incomplete if requested largest values of the test are not reliable.
 
     Parameters
@@ -608,7 +615,7 @@ def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Ou
     random : statistics of the record; None if it is too short.
     settings : settings of the run.
     """
-    unknown = {} if random is None else random.by_label(UNKNOWN)
+    unknown = {} if random is None else random.by_label(UNKNOWN_PEAK_KEY)
     reasons = {why.item(): signal for signal, why in reversed(unknown.items()) if why.item()}
     reason = "; ".join(f"{signal}: {why}" for why, signal in reasons.items()).replace("_", " ")
     reason = "the record is too short" if random is None else reason
@@ -619,7 +626,7 @@ def largest_known(outcome: Outcome, random: Dataset | None, settings: Run) -> Ou
     return Outcome.of(OutcomeKind.INCOMPLETE, "largest_of_test_unknown", sentence, *of_motion, remedy=remedy)
 
 
-def _beyond_record(
+def _changes_beyond_record(
     result: RunResult, system: StructuralSystem, first: int, samples: float
 ) -> dict[tuple[str, str], str]:
     """Reasons why a test may be unlike its record, by name and quantity of the contact force that changes.
@@ -647,7 +654,7 @@ def _beyond_record(
             high = mean + direction * float(_extrapolate(peaks**2, samples / x.size)[2]) ** 0.5
             phases = [law.phases[law.resting_phase(at)] for at in np.linspace(low, high, 33).tolist()]
             stiffness = [phase.stiffness for phase in phases]
-            if np.ptp(stiffness) > OTHER_STIFFNESS * np.abs(stiffness).max():
+            if np.ptp(stiffness) > LARGEST_STIFFNESS_CHANGE * np.abs(stiffness).max():
                 reasons[name.removeprefix("snubber "), "force"] = (
                     f"the stiffness of {name} changes between {1e3 * low:.3g} m{unit}, which half of the record does "
                     f"not exceed, and {1e3 * high:.3g} m{unit}, which the test may reach"
@@ -657,21 +664,21 @@ def _beyond_record(
 
 def _segment_peaks(x: Floats, freedom: float) -> Floats:
     """(N,) largest values of the segments of samples (nt,); empty if there are too few."""
-    count = int(min(freedom // FREEDOM_OF_SEGMENT, MOST_SEGMENTS))
+    count = int(min(freedom // SEGMENT_FREEDOM, MOST_SEGMENTS))
     return np.array([part.max() for part in np.array_split(x, count)] if count >= FEWEST_SEGMENTS else [])
 
 
-def _extrapolate(energies: Floats, longer: float) -> Floats:
+def _extrapolate(energies: Floats, duration_ratio: float) -> Floats:
     """(3,) median and interval of the largest energy of a test, from those of segments (N,) of a record.
 
     Parameters
     ----------
     energies : energies in order of time, J or the square of a unit.
-    longer : duration of the test over that of the record.
+    duration_ratio : duration of the test over that of the record.
     """
-    energies = _independent(energies)
+    energies = _independent_peaks(energies)
     place, scale, skewness = _moments(np.sort(energies))
-    return np.asarray(np.maximum(place + scale * _pivots(energies.size, energies.size * longer, skewness), 0.0))
+    return np.asarray(np.maximum(place + scale * _pivots(energies.size, energies.size * duration_ratio, skewness), 0.0))
 
 
 def _pivots(count: int, segments: float, skewness: Floats) -> Floats:
@@ -689,7 +696,7 @@ def _pivots(count: int, segments: float, skewness: Floats) -> Floats:
     return np.asarray(np.quantile(pivots[first : first + alike], [0.5, tail, 1.0 - tail]))
 
 
-def _independent(peaks: Floats) -> Floats:
+def _independent_peaks(peaks: Floats) -> Floats:
     """Peaks of segments (N,), merged in pairs while neighbours are high together."""
     while peaks.size >= 2 * FEWEST_SEGMENTS:
         about = peaks - peaks.mean()

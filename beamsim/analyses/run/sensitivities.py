@@ -45,19 +45,19 @@ from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
 STEP = 2.0**-11  # relative to a number, or to the tolerance of one that is zero: distance of neighbouring systems
-SIDES = (1, -1, 2, -2)  # positions of the neighbouring systems, in steps
-BOTH = (
+NEIGHBOUR_STEPS = (1, -1, 2, -2)  # positions of the neighbouring systems, in steps
+CENTRAL_WEIGHTS = (
     0.0,
     8.0 / 12.0,
     -8.0 / 12.0,
     -1.0 / 12.0,
     1.0 / 12.0,
 )  # weights of central differences: own system, then neighbours
-AHEAD = (-1.5, 2.0, 0.0, -0.5, 0.0)
-APART = 1.5  # ratio of frequencies above which modes are not mixed
+FORWARD_WEIGHTS = (-1.5, 2.0, 0.0, -0.5, 0.0)
+SEPARATE_RATIO = 1.5  # ratio of frequencies above which modes are not mixed
 GRAZING = 1e-9  # relative to a number: a contact that such a change removes only grazes
 GRAZED = "is only grazed"
-BEND = 0.01  # relative difference of a one-sided derivative that counts as a kink
+KINK = 0.01  # relative difference of a one-sided derivative that counts as a kink
 
 
 class Derivative(NamedTuple):
@@ -78,7 +78,7 @@ class Derivative(NamedTuple):
     change_below: float
 
 
-Near = tuple[float, float, Floats]
+NearContact = tuple[float, float, Floats]
 """Time of a contact that nearly changes, s, its distance from the change, and its derivatives (P,)."""
 
 
@@ -87,7 +87,7 @@ class Reach(NamedTuple):
 
     change: float
     time: float  # s, time of the contact
-    what: str  # description of the change
+    event: str  # description of the change
 
 
 def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | None, list[str]]:
@@ -141,7 +141,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
         holds = min(_reaches_of_number(found, log, near, beyond, p))
         decided = [of.competition(p, _tolerance(number)) for of in every]
         rows += [_derivative(number, of, each, holds.change) for of, each in zip(every, decided, strict=True)]
-        warnings += _derivative_limits(number, _bends(every, p, p + len(numbers), _tolerance(number)), holds)
+        warnings += _derivative_limits(number, _kinks(every, p, p + len(numbers), _tolerance(number)), holds)
         noted += [(number, of, each) for of, each in zip(every, decided, strict=True) if each.is_close]
     warnings += _competition_notes(noted)
     units = [{"value_unit": row.value_unit, "number_unit": row.number_unit} for row in rows]
@@ -153,33 +153,34 @@ def _tolerance(number: VariedParameter) -> float:
     return 0.5 * (number.high - number.low)
 
 
-def _derivative(number: VariedParameter, of: Contenders, each: Competition, holds: float) -> Derivative:
+def _derivative(number: VariedParameter, contenders: Contenders, competition: Competition, holds: float) -> Derivative:
     """Row of a value and a number.
 
     Parameters
     ----------
-    number, of : number, and value with its derivatives.
-    each : change of the value with the number.
+    number, contenders : number, and value with its derivatives.
+    competition : change of the value with the number.
     holds : smallest change of the number that adds or removes a contact.
     """
     return Derivative(
-        of.name, float(of.values[0]), of.unit, each.derivative, each.derivative_below, each.derivative_above,
-        number.path, number.unit,
-        float(number.nominal), _tolerance(number), min(holds, abs(each.takeover)), each.change_above, each.change_below,
+        contenders.name, float(contenders.values[0]), contenders.unit,
+        competition.derivative, competition.derivative_below, competition.derivative_above,
+        number.path, number.unit, float(number.nominal), _tolerance(number),
+        min(holds, abs(competition.takeover)), competition.change_above, competition.change_below,
     )  # fmt: skip
 
 
-def _bends(every: Iterable[Contenders], p: int, ahead: int, tolerance: float) -> Iterator[tuple[float, str]]:
+def _kinks(contenders: Iterable[Contenders], p: int, one_sided: int, tolerance: float) -> Iterator[tuple[float, str]]:
     """Relative differences of one-sided derivatives, with the names of the values.
 
     Parameters
     ----------
-    every : the values.
-    p, ahead : columns of the two-sided and the one-sided derivatives.
+    contenders : the values.
+    p, one_sided : columns of the two-sided and the one-sided derivatives.
     tolerance : tolerance of the number.
     """
-    for of in every:
-        both, one = float(of.slopes[0, p]), float(of.slopes[0, ahead])
+    for of in contenders:
+        both, one = float(of.slopes[0, p]), float(of.slopes[0, one_sided])
         if size := max(abs(both), NEGLIGIBLE * abs(float(of.values[0])) / tolerance):
             yield abs(one - both) / size, of.name
 
@@ -195,7 +196,7 @@ def _competition_notes(noted: Sequence[tuple[VariedParameter, Contenders, Compet
         return
     nearest = min(noted, key=lambda one: abs(one[2].takeover) / _tolerance(one[0]))
     number, of, each = nearest
-    unit, per = ("" if unit == "1" else f" {unit}" for unit in (number.unit, _per(of.unit, number.unit)))
+    unit, per = ("" if unit == "1" else f" {unit}" for unit in (number.unit, _derivative_unit(of.unit, number.unit)))
     names = list(dict.fromkeys(one[1].name for one in noted if one is not nearest))
     others = f"{len(noted) - 1} more {'derivative' if len(noted) == 2 else 'derivatives'} of {first_of(names, 3)}"
     yield (
@@ -206,27 +207,33 @@ def _competition_notes(noted: Sequence[tuple[VariedParameter, Contenders, Compet
     )
 
 
-def _per(unit: str, other: str) -> str:
+def _derivative_unit(unit: str, number_unit: str) -> str:
     """Unit of a derivative.
 
     >>> _per("N", "N/m"), _per("m", "m"), _per("m", "1"), _per("1", "kg")
     ('N/(N/m)', '1', 'm', '1/kg')
     """
-    if unit == other:
+    if unit == number_unit:
         return "1"
-    return unit if other == "1" else f"{unit}/({other})" if set(other) & set("/ ") else f"{unit}/{other}"
+    return (
+        unit
+        if number_unit == "1"
+        else f"{unit}/({number_unit})"
+        if set(number_unit) & set("/ ")
+        else f"{unit}/{number_unit}"
+    )
 
 
 def _reaches_of_number(
-    found: MotionDerivative, log: Log, missed: Iterable[Near], beyond: Iterable[Near], p: int
+    found: MotionDerivative, log: Log, misses: Iterable[NearContact], record_ends: Iterable[NearContact], p: int
 ) -> Iterator[Reach]:
     """Changes of a number at which contacts appear in, or disappear from, the motion.
 
     Parameters
     ----------
     found, log : derivatives along segments.
-    missed : times of closest approach of open contacts, s, distances, and their derivatives.
-    beyond : ends of the record with a contact about to change, the event function, and its derivatives.
+    misses : times of closest approach of open contacts, s, distances, and their derivatives.
+    record_ends : ends of the record with a contact about to change, the event function, and its derivatives.
     p : index of the number.
     """
     yield Reach(np.inf, 0.0, "")
@@ -237,20 +244,20 @@ def _reaches_of_number(
         if pace and dt:
             yield Reach(abs(float(pace / (2.0 * turn * dt))) if turn else np.inf, time, GRAZED)
             yield Reach(abs(min(time, end - time) / float(dt)), time, "leaves the record")
-    for what, nears in ((GRAZED, missed), ("enters the record", beyond)):
+    for what, nears in ((GRAZED, misses), ("enters the record", record_ends)):
         yield from (Reach(distance / abs(float(slope[p])), time, what) for time, distance, slope in nears if slope[p])
 
 
-def _derivative_limits(number: VariedParameter, bends: Iterable[tuple[float, str]], holds: Reach) -> Iterator[str]:
+def _derivative_limits(number: VariedParameter, kinks: Iterable[tuple[float, str]], reach: Reach) -> Iterator[str]:
     """Reasons why the derivatives by a number are valid only within a range.
 
     Parameters
     ----------
     number : number of the scenario.
-    bends : relative differences of one-sided derivatives, with the names of the values.
-    holds : smallest change of the number that adds or removes a contact.
+    kinks : relative differences of one-sided derivatives, with the names of the values.
+    reach : smallest change of the number that adds or removes a contact.
     """
-    if bent := [each for each in bends if each[0] > BEND]:
+    if bent := [each for each in kinks if each[0] > KINK]:
         bend, name = max(bent)
         known = f"known to {100.0 * bend:.2g} %" if bend < 1.0 else "not known"
         others = f", and those of {len(bent) - 1} more" if len(bent) > 1 else ""
@@ -259,43 +266,49 @@ def _derivative_limits(number: VariedParameter, bends: Iterable[tuple[float, str
             f"of the mesh moves, a record is fitted anew), or they are lost in round-off: that of {name} is "
             f"{known}{others}"
         )
-    at = f"run.sensitivities: {number.path}: at {holds.time:.6g} s a contact {holds.what}"
-    if holds.what == GRAZED and holds.change <= GRAZING * abs(float(number.nominal)):
+    at = f"run.sensitivities: {number.path}: at {reach.time:.6g} s a contact {reach.event}"
+    if reach.event == GRAZED and reach.change <= GRAZING * abs(float(number.nominal)):
         yield f"{at}: the derivatives of what follows are infinite"
-    elif holds.change < _tolerance(number):
+    elif reach.change < _tolerance(number):
         unit = "" if number.unit == "1" else f" {number.unit}"
-        yield f"{at} if it changes by {holds.change:.3g}{unit}: the derivatives are valid for smaller changes"
+        yield f"{at} if it changes by {reach.change:.3g}{unit}: the derivatives are valid for smaller changes"
 
 
-def _linear(system: StructuralSystem, chosen: Iterable[Value]) -> ChannelSet:
+def _linear(system: StructuralSystem, values: Iterable[Value]) -> ChannelSet:
     """Channels of values; energies have none."""
-    return searched_channels(system.channels, chosen).select(lambda channel: not channel.squared)
+    return searched_channels(system.channels, values).select(lambda channel: not channel.squared)
 
 
 def _variation_of_number(
-    scenario: Scenario, system: StructuralSystem, along: LocalExtremes, chosen: Sequence[Value], number: VariedParameter
+    scenario: Scenario,
+    system: StructuralSystem,
+    extremes: LocalExtremes,
+    values: Sequence[Value],
+    number: VariedParameter,
 ) -> tuple[Variation, Variation]:
     """Effect of a number, from systems built on both sides of its value, or on one side only.
 
     Parameters
     ----------
-    scenario, system, along : scenario, system and extremes of the run.
-    chosen : values whose channels are needed.
+    scenario, system, extremes : scenario, system and extremes of the run.
+    values : values whose channels are needed.
     number : number of the scenario.
     """
     shared = system.model.shared
-    own, step = along.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
+    own, step = extremes.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
     step /= max(
         1.0, _rotation_between(own.flow, _neighbouring_flow(scenario, own.flow, number, step, shared)[1]) / STEP
     )
-    rows = {own: along.channels.linear}
+    rows = {own: extremes.channels.linear}
     starts = {own: np.pad(system.initial_state, (0, own.flow.size - system.initial_state.size))}
-    for side in SIDES:
+    for side in NEIGHBOUR_STEPS:
         built, flow = _neighbouring_flow(scenario, own.flow, number, side * step, shared)
-        outputs = FlowOutputs(flow, _turn(system.model, built.model), own.flow)
-        rows[outputs] = _linear(built, chosen).linear
+        outputs = FlowOutputs(flow, _rotation(system.model, built.model), own.flow)
+        rows[outputs] = _linear(built, values).linear
         starts[outputs] = outputs.state(built.initial_state)
-    both, ahead = (Differences(own.flow, list(rows), [w / step for w in weights]) for weights in (BOTH, AHEAD))
+    both, ahead = (
+        Differences(own.flow, list(rows), [w / step for w in weights]) for weights in (CENTRAL_WEIGHTS, FORWARD_WEIGHTS)
+    )
     one, other = (Variation(each, rows, each.of(starts.__getitem__)) for each in (both, ahead))
     return one, other
 
@@ -342,7 +355,7 @@ def _rotation_between(flow: ExactFlow, other: ExactFlow) -> float:
     return float(faster.max() * own.start.max() + np.abs(own.exponent).max() * later.max())
 
 
-def _turn(own: ReducedModel, other: ReducedModel) -> Floats:
+def _rotation(own: ReducedModel, other: ReducedModel) -> Floats:
     """(n, n) orthogonal matrix: coordinates of a system for each unit coordinate of a neighbouring one.
 
     Modes with very different frequencies are not mixed: mixed by round-off, the stiffness of the higher ones would
@@ -350,7 +363,7 @@ def _turn(own: ReducedModel, other: ReducedModel) -> Floats:
     """
     order = np.argsort(own.omega)
     group = np.empty(order.size, dtype=np.int64)
-    group[order] = np.cumsum(np.append(False, own.omega[order][1:] > APART * own.omega[order][:-1]))
+    group[order] = np.cumsum(np.append(False, own.omega[order][1:] > SEPARATE_RATIO * own.omega[order][:-1]))
     common = own.basis.vectors.T @ (own.structure.mass @ other.basis.vectors)
     left, _, right = np.linalg.svd(np.where(group[:, None] == group, common, 0.0))
     return np.asarray(left @ right)

@@ -41,7 +41,7 @@ MANY_PIECES = 8  # of the inputs; more belong to a sampled signal
 FLOOR_LINES = 16  # frequencies beyond the highest content: lines are recognised by their neighbours
 FEWEST_SAMPLES = 256
 DECAYED = 0.25  # rms of the last quarter of a free motion over that of the first, below which it decays
-LASTING = 0.8  # the same after a shock, above which the motion persists, such as stick-slip on a belt
+PERSISTING = 0.8  # the same after a shock, above which the motion persists, such as stick-slip on a belt
 NEARBY, NEARBY_BINS = 0.01, 3.0  # relative distance, and bins, within which a line is matched
 
 
@@ -99,7 +99,7 @@ def spectra_of(motion: RunMotion, values: Mapping[str, Any]) -> Dataset | None:
     if not labels:
         return None
     if trajectory is None or trajectory.end <= 0.0:
-        return _of_stepped(not_none(motion.histories), system, labels, values)
+        return _stepped_spectra(not_none(motion.histories), system, labels, values)
     begin = trajectory.end - analysed_duration(trajectory.end, excitation_hz, settings.last, settings.periods)
     records = records_of(system, trajectory, channels, (begin, trajectory.end))
     filtered = not_none(system.scenario.run).low_pass is not None  # the extremes of accelerations are filtered, too
@@ -112,7 +112,7 @@ def spectra_of(motion: RunMotion, values: Mapping[str, Any]) -> Dataset | None:
     return _spectra(labels, records, windows, excitation_hz, values, residual, settings.frequencies)
 
 
-def _of_stepped(
+def _stepped_spectra(
     histories: Histories, system: StructuralSystem, labels: Sequence[Label], values: Mapping[str, Any]
 ) -> Dataset:  # fmt: skip
     """Spectra of a time-stepped motion; see `spectra_of`."""
@@ -146,7 +146,7 @@ def spectra_of_samples(
 
 def _spectra(
     labels: Sequence[Label], records: Sequence[SpectrumRecord], windows: Sequence[str], excitation_hz: float,
-    values: Mapping[str, Any], residual_hz: Floats, chosen_hz: Sequence[float], rate_hz: float | None = None,
+    values: Mapping[str, Any], residual_hz: Floats, requested_hz: Sequence[float], rate_hz: float | None = None,
 ) -> Dataset:  # fmt: skip
     r"""Single-sided peak-amplitude spectra of records of one part of a motion, and the table of their lines.
 
@@ -169,7 +169,7 @@ def _spectra(
     excitation_hz, rate_hz : Hz, nan without a single excitation frequency; sample rate, Hz.
     values : see `spectra_of`.
     residual_hz : (r,) frequencies of static vectors, Hz, which have no physical meaning.
-    chosen_hz : requested frequencies, Hz. They are always listed, with the kind "chosen" unless they are an order of
+    requested_hz : requested frequencies, Hz. They are always listed, with the kind "chosen" unless they are an order of
         the
     excitation, and replace lines closer than a bin.
     """
@@ -182,8 +182,8 @@ def _spectra(
         curves.append(np.abs(record.amplitudes(shape)))
         if is_at_rest(label.name, label.quantity, values) or not np.isfinite(levels[number].peak):
             continue
-        fit = lines_of(record, levels[number], shape.one_sided, excitation_hz, chosen_hz)
-        kinds = ["mean", *(_kind_of(line, chosen_hz, residual_hz, 2.0 / duration) for line in fit.lines)]
+        fit = lines_of(record, levels[number], shape.one_sided, excitation_hz, requested_hz)
+        kinds = ["mean", *(_kind_of(line, requested_hz, residual_hz, 2.0 / duration) for line in fit.lines)]
         numbers = _line_columns(fit, levels[number].peak, excitation_hz, duration)
         numbers |= {"signal": [number] * len(kinds), "kind": kinds}
         for name, column in numbers.items():
@@ -286,7 +286,7 @@ def _aliasing_notes(motion: RunMotion) -> list[str]:
 
 def records_of(
     system: StructuralSystem, trajectory: Trajectory, channels: ChannelSet, span: tuple[float, float],
-    up_to_hz: float | None = None,
+    end_hz: float | None = None,
 ) -> list[MotionRecord]:  # fmt: skip
     """Records of a part of a motion; their spectra cover the retained modes unless an end is given.
 
@@ -296,14 +296,14 @@ def records_of(
     trajectory : motion.
     channels : linear channels.
     span : start and end of the part, s.
-    up_to_hz : end of the spectra, Hz.
+    end_hz : end of the spectra, Hz.
 
     Returns
     -------
     One record for each channel.
     """
     duration = span[1] - span[0]
-    highest = _highest_shown(system, trajectory, duration) if up_to_hz is None else up_to_hz
+    highest = _highest_shown(system, trajectory, duration) if end_hz is None else end_hz
     part = MotionPart(trajectory.extract(*span), outputs_of(trajectory.flow, channels.linear), 2.0 * np.pi * highest)
     size = max(int(SAMPLES_OF_A_PERIOD * highest * duration), FEWEST_SAMPLES)
     return [MotionRecord(part, k, highest, size) for k in range(channels.order.size)]
@@ -335,7 +335,7 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
     shock = scenario.excitation.shock
     if shock or scenario.excitation.highest_frequency_hz == 0.0:  # none, or records
         first, last = record.deviations_of_quarters()
-        if last < (LASTING if shock else DECAYED) * first:
+        if last < (PERSISTING if shock else DECAYED) * first:
             return "decaying"
     return "hann"
 
@@ -375,11 +375,11 @@ def lines_of_record(record: SpectrumRecord, known: Dataset) -> tuple[Floats, Flo
     return np.append(0.0, found[partner]), np.abs(np.append(mean, amplitude[partner]))
 
 
-def _kind_of(line: SpectralLine, chosen_hz: Sequence[float], residual_hz: Floats, near_hz: float) -> str:
+def _kind_of(line: SpectralLine, requested_hz: Sequence[float], residual_hz: Floats, near_hz: float) -> str:
     """Kind of a line; "residual" if it is near the frequency of a static vector."""
     if line.order is not None:  # every order that is not an integer is subharmonic
         whole = "fundamental" if line.order == 1 else "superharmonic"
         return "subharmonic" if line.order.denominator > 1 else whole
-    if line.frequency_hz in chosen_hz:
+    if line.frequency_hz in requested_hz:
         return "chosen"
     return "residual" if np.abs(residual_hz - line.frequency_hz).min(initial=np.inf) <= near_hz else "other"

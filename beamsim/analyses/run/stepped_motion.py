@@ -78,7 +78,7 @@ def stepped_motion_of(
         outcome=balance.check(with_limit(trajectory.outcome), "lower run.rtol and run.atol"),
         histories=histories,
         energy_error=balance.error,
-        marched=trajectory,
+        source_motion=trajectory,
         extremes=extremes,
         extreme_states=np.array([outputs.lowest_state, outputs.highest_state]),
         contact=contact,

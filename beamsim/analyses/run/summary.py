@@ -161,7 +161,7 @@ def impact_summary(statistics: Dataset) -> dict[str, dict[str, Any]]:
         for name, rows in statistics.groups("interval_snubber").items():
             if of := rows.rows("interval"):
                 called = _entry_namer(statistics, name)
-                summary[name]["intervals"] = {called(row["figure"]): [row["low"], row["high"]] for row in of}
+                summary[name]["intervals"] = {called(row["value_name"]): [row["low"], row["high"]] for row in of}
     return summary
 
 

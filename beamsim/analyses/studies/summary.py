@@ -83,8 +83,8 @@ def result_of(
         scenario=scenario,
         outcome=_outcome(table) if search_outcome is None else search_outcome,
         datasets=datasets,
-        warnings=(*scenario.warnings, *_about_seeds(plan), *_about_choice(table, gaps), *_about_worst(table, searches),
-            *_warnings_of_cases(table),
+        warnings=(*scenario.warnings, *_seed_notes(plan), *_choice_warnings(table, gaps),
+            *_worst_search_notes(table, searches), *_warnings_of_cases(table),
         ),
         wall_time_s=wall_time_s,
     ).with_summary(
@@ -95,7 +95,7 @@ def result_of(
         not_reliable=sum(of is not None and not of.failed and not of.outcome.trusted for of in table.gravest_outcomes),
         compared=int(table.compared.sum()),
         responses=_extremes(table),
-        **_about_best(table, searches),
+        **_best_entries(table, searches),
         tolerances=_tolerances(plan),
         worst=_worst(table, searches),
         scatter=_scatter(table, searches),
@@ -220,7 +220,7 @@ def _kind_of_worst(table: StudyTable, case: int, searches: Mapping[int, bool]) -
     return TRIED if case in table.further_realisations else SAMPLED
 
 
-def _about_best(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any]:
+def _best_entries(table: StudyTable, searches: Mapping[int, bool]) -> dict[str, Any]:
     """Summary entries about limits and objectives."""
     plan, values, best = table.plan, table.aims[0][1], table.best
     worst = {name: _worst_of_limit(table, name, of) for name, of in table.limits.items() if table.every_response}
@@ -469,7 +469,7 @@ def _sensitivity(table: StudyTable, indices: Indices) -> dict[str, dict[str, dic
 # --- Warnings and outcome --------------------------------------------------------------------------------------------
 
 
-def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
+def _choice_warnings(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
     """Warnings about the choice of the best case and about sensitivity indices."""
     objective = table.aims[0][0]
     if table.unknown_aim and table.every_response:
@@ -482,7 +482,7 @@ def _about_choice(table: StudyTable, gaps: Sequence[str]) -> Iterator[str]:
         yield f"no Sobol' indices of {', '.join(gaps)}, which are not known in all cases"
 
 
-def _about_worst(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[str]:
+def _worst_search_notes(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[str]:
     """Note if the budget ended the search for the worst of the best case, or did not allow one."""
     most = table.plan.study.realisations.most_further_cases
     if not table.best or not most or sum(map(len, table.further_realisations.values())) < most:
@@ -496,7 +496,7 @@ def _about_worst(table: StudyTable, searches: Mapping[int, bool]) -> Iterator[st
         )
 
 
-def _about_seeds(plan: StudyPlan) -> list[str]:
+def _seed_notes(plan: StudyPlan) -> list[str]:
     """Note on the scatter between the seeds of a random input."""
     inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
     amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # random inputs only
