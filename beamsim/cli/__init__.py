@@ -25,7 +25,7 @@ from beamsim.errors import CacheWarning
 __all__ = ["main"]
 
 LEAST_ADDRESS_SPACE = 1_000_000 * 1024
-"""Bytes that the libraries and a small case take, of which compiled code is the largest part."""
+"""Address space that the libraries and a small case need, in bytes; mostly compiled code."""
 
 
 def main() -> None:
@@ -34,12 +34,12 @@ def main() -> None:
 
     def stop(number: int, _frame: object) -> None:
         if RECEIVED and RECEIVED[-1] in _handled_exceptions():
-            return  # a second signal would end the clean-up, and with another exit code
+            return  # a second signal would interrupt the clean-up and change the exit code
         RECEIVED.append(KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number))
-        raise RECEIVED[-1]  # again, if a library has dropped the one before
+        raise RECEIVED[-1]  # raise it again if a library has swallowed the first one
 
     try:
-        for number in heeded:  # before anything else, which may take its time on a busy machine
+        for number in heeded:  # as early as possible
             signal.signal(number, stop)
         try:
             _prepare()
@@ -47,28 +47,28 @@ def main() -> None:
 
             app(prog_name="beamsim")
         finally:
-            for number in heeded:  # the exit code is known; Python gives up its own handlers as it exits
+            for number in heeded:  # the exit code is final; Python removes its own handlers at exit
                 signal.signal(number, signal.SIG_IGN)
-            exec("")  # else ``python -m`` ends by SIGINT where that came in an ``exec`` of a library, without exit code
-            gc.freeze()  # memory ends with the process; a search for unused objects would take a fifth of a run
+            exec("")  # otherwise ``python -m`` may end by SIGINT without the exit code
+            gc.freeze()  # memory is freed with the process; a garbage collection would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)
 
 
 def _prepare() -> None:
-    """Set what the process needs before any library is loaded.
+    """Set up the process before any library is loaded.
 
     Raises
     ------
     SystemExit
-        Where no command can work in these surroundings.
+        If no command can run in this environment.
     """
-    gc.set_threshold(500_000)  # modules being imported are no garbage; searching among them takes a tenth of a run
-    # the matrices are small: more threads would make the linear algebra slower
+    gc.set_threshold(500_000)  # skip garbage collection during imports, which takes a tenth of a run
+    # with small matrices, several threads would slow down linear algebra
     for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(library, "1")
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them reads every installed package
-    os.environ["MPLBACKEND"] = "agg"  # nothing is shown on a screen, and an unknown backend would stop the import
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for plugins reads every installed package
+    os.environ["MPLBACKEND"] = "agg"  # no interactive pictures; an unknown backend would stop the import
     prepare_streams()
     if obstacle := unusable_surroundings():
         print(f"beamsim: {obstacle}", file=sys.stderr)
@@ -77,7 +77,7 @@ def _prepare() -> None:
 
 
 def _handled_exceptions() -> Iterator[BaseException]:
-    """The exception that is being handled, if any, and those during whose handling it was raised."""
+    """The exception being handled, if any, and the exceptions during whose handling it was raised."""
     error = sys.exception()
     while error is not None:
         yield error
@@ -92,11 +92,11 @@ def show_warning(
     file: Any = None,
     line: str | None = None,
 ) -> None:
-    """Print a warning of this package in one line, any other with its place in the source.
+    """Print a warning of this package in one line, any other warning with its source location.
 
     Parameters
     ----------
-    message, category, filename, lineno, file, line : as of `warnings.showwarning`.
+    message, category, filename, lineno, file, line : see `warnings.showwarning`.
     """
     place = warnings.formatwarning(message, category, filename, lineno, line)
     print(
@@ -107,11 +107,11 @@ def show_warning(
 
 
 def prepare_streams() -> None:
-    """Make the standard streams ready for any text, and print on standard error what the package logs, a line each.
+    """Prepare the standard streams for any text, and print log messages of the package to standard error.
 
-    Streams that the caller closed (``2>&-``) are opened on the null device: the next files that are opened would take
-    their descriptors, and messages would be written into results. Characters that an encoding lacks are escaped; on
-    Windows it is UTF-8, which is not the default there.
+    Closed streams (``2>&-``) are opened on the null device; otherwise the next opened files would get their
+    descriptors, and messages would be written into results. Characters outside the encoding are escaped; on Windows it
+    is set to UTF-8.
     """
     for descriptor in range(3):
         try:
@@ -132,7 +132,7 @@ def prepare_streams() -> None:
 
 
 def unusable_surroundings() -> str:
-    """What keeps every command from working, with its remedy: a lost current folder, too little memory; else empty."""
+    """Problem of the environment that stops every command, with a remedy: no current folder, too little memory."""
     try:
         os.getcwd()
     except OSError as error:

@@ -1,6 +1,6 @@
-"""The application: all commands and their options; each command imports what carries it out.
+"""The command-line application: all commands and their options.
 
-What they do is imported when they run, so that ``beamsim --help`` is instant.
+Each command imports its implementation when it runs, so that ``beamsim --help`` is fast.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ def _not_empty(text: str) -> Path:
 
 
 def _quantity(unit: str, least: float = -math.inf, most: float = math.inf) -> Callable[[Any], float]:
-    """A reader of numbers as the scenario's are read, with or without a unit.
+    """Parser for numbers with or without a unit, by the rules of scenarios.
 
     Parameters
     ----------
-    unit : of a number without one, and of what is returned; of times, percent, or empty of ratios.
-    least, most : bounds, in that unit.
+    unit : unit of the result, and of a number without unit; empty for ratios.
+    least, most : bounds in that unit.
     """
 
     def read(text: Any) -> float:
@@ -58,7 +58,7 @@ def _quantity(unit: str, least: float = -math.inf, most: float = math.inf) -> Ca
 
 
 def _number_in(text: str, unit: str) -> float:
-    """A number that a user wrote, in a unit, which is also that of a number without one."""
+    """Number that a user entered, converted to a unit (also the default unit)."""
     from beamsim.scenario import units
 
     of = units.RATIO if unit in ("", "%") else units.TIME
@@ -118,7 +118,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     ),
     "debug": (Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")], False),
 }  # fmt: skip
-"""By name of a field of `CommandOptions`, and ``debug``: what Typer reads, and the default."""
+"""Typer declaration and default of each field of `CommandOptions`, and of ``debug``."""
 
 app = typer.Typer(
     name="beamsim",
@@ -131,13 +131,13 @@ app = typer.Typer(
 
 
 def command(function: Callable[..., None], *, file: Any, options: Sequence[str]) -> Callable[..., None]:
-    """Make a command of a function that takes its file and the shared options of commands as one `CommandOptions`.
+    """Create a command from a function that takes the shared options as one `CommandOptions`.
 
     Parameters
     ----------
-    function : of a `CommandOptions`, and of arguments and options of its own.
-    file : the argument that names the file of the command; None without one.
-    options : names of `OPTIONS` that it has besides ``--debug``.
+    function : takes a `CommandOptions`, and its own arguments and options.
+    file : argument for the file of the command; None if it has none.
+    options : names of its shared options from `OPTIONS`, besides ``--debug``.
 
     Returns
     -------
@@ -162,7 +162,7 @@ def command(function: Callable[..., None], *, file: Any, options: Sequence[str])
             function(shared, **values)
 
     called.__name__, called.__doc__ = function.__name__, function.__doc__
-    vars(called).update(__signature__=Signature(parameters))  # which Typer reads
+    vars(called).update(__signature__=Signature(parameters))  # Typer reads it
     app.command()(called)
     return function
 

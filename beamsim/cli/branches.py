@@ -1,4 +1,4 @@
-"""The first screens of continuations, of coexisting motions and of nonlinear normal modes."""
+"""First screens of continuations, coexisting motions and nonlinear normal modes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from beamsim.scenario.base import count_text
 
 # --- Continuation ----------------------------------------------------------------------------------------------------
 
-LARGEST_DRIFT = 1e-6  # relative; over some fifty periods the round-off of a stable motion stays below it
+LARGEST_DRIFT = 1e-6  # relative; after some fifty periods the round-off of a stable motion stays below it
 
 
 def continuation_screen(result: ContinuationResult) -> Screen:
-    """By level the largest displacement and where, special points and how much is stable; the largest forces."""
+    """Largest displacement by level, special points and stability; largest forces."""
     s, errors = result.summary, Errors(result)
     of_branches = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
     levels = list({repr(key): key for key in zip(*of_branches, strict=True)}.values())  # nan is not equal to itself
@@ -51,19 +51,19 @@ def continuation_screen(result: ContinuationResult) -> Screen:
 
 
 def _orders_text(orders: Sequence[float | None]) -> str:
-    """The orders in which differences from exact motions vanish; an order is unknown where there is no difference."""
+    """Orders of the differences from exact motions; unknown where there is no difference."""
     if not any(is_known(order) for order in orders):
         return "have no order that could be measured: there are none, or round-off is larger"
     return f"vanish with orders {', '.join(f'{order:.2f}' if is_known(order) else 'unknown' for order in orders)}"
 
 
 def _level_row(result: ContinuationResult, errors: Errors, level: float, period: int) -> dict[str, str]:
-    """The row of the branches of a level whose motions have the same period."""
+    """Row of the branches of one level whose motions have the same period."""
 
     def is_of_level(
         item: Mapping[str, Any],
     ) -> bool:
-        # in files a level is nan or missing where it is the parameter
+        # in files the level is nan or missing if it is the continuation parameter
         same = item["level"] == level or not is_known(item["level"])
         return same and item.get("period_multiple", 1) == period
 
@@ -87,7 +87,7 @@ def _level_row(result: ContinuationResult, errors: Errors, level: float, period:
 
 
 def _coexisting_ranges_text(result: ContinuationResult) -> Iterator[str]:
-    """In words the widest range where several motions are stable."""
+    """Widest range with several stable motions, as text."""
     ranges = sorted(result.coexisting(), key=lambda several: several.low - several.high)
     for several in ranges[:1]:
         where = extent(several.low, several.high, result.unit)
@@ -102,7 +102,7 @@ def _coexisting_ranges_text(result: ContinuationResult) -> Iterator[str]:
 
 
 def _special_lines(result: ContinuationResult) -> list[str]:
-    """How many special points of each kind there are, of all levels and periods, and where."""
+    """Number and places of special points of each kind, over all levels and periods."""
     texts = []
     for kind, places in _special(result).items():
         scale = scale_for(result.unit, places)
@@ -113,7 +113,7 @@ def _special_lines(result: ContinuationResult) -> list[str]:
 
 
 def _special(result: ContinuationResult | NormalModeResult) -> dict[str, list[float]]:
-    """Parameters of the special points by what their kind is called, as many as the table of special points has."""
+    """Parameters of all special points, by the name of their kind."""
     special: dict[str, list[float]] = {}
     for point in result.summary.get("special_points") or ():
         special.setdefault(special_name(point["kind"]), []).append(point["parameter"])
@@ -125,7 +125,7 @@ def _level(result: ContinuationResult, level: float) -> dict[str, str]:
 
 
 def _parameter(value: float, unit: str, digits: int = 6) -> str:
-    """A value of what is varied: frequencies, which are compared, to all digits asked for."""
+    """Value of the continuation parameter; frequencies with all requested digits."""
     return f"{value:.{digits}g} Hz" if unit == "Hz" else amount(value, unit, digits)
 
 
@@ -133,7 +133,7 @@ def _parameter(value: float, unit: str, digits: int = 6) -> str:
 
 
 def coexisting_screen(result: CoexistingResult) -> Screen:
-    """Each motion with its share of the starts, its peaks and the smallest disturbance that leaves it."""
+    """Motions with their shares of the starts, peaks, and smallest disturbances."""
     s, errors = result.summary, Errors(result)
     rows = [_motion(result, errors, motion) for motion in s["motions"][:MOST_ROWS]]
     unsettled = (
@@ -148,7 +148,7 @@ def coexisting_screen(result: CoexistingResult) -> Screen:
 
 
 def _motion(result: CoexistingResult, errors: Errors, motion: Mapping[str, Any]) -> dict[str, str]:
-    """The row of a motion: displacement of the first probe, force of the snubber that is hit hardest."""
+    """Row of a motion: displacement of the first probe, and force of the most loaded snubber."""
     row = {"": _motion_name(motion)}
     if is_known(motion["share"]):  # of an unstable motion, which no start comes to, there is none
         low, high = (f"{100 * motion[end]:.3g}" for end in ("share_low", "share_high"))
@@ -169,7 +169,7 @@ def _motion_name(record: Mapping[str, Any]) -> str:
 
 
 def _smallest_disturbance_text(record: Mapping[str, Any]) -> str:
-    """The smallest disturbance found that leaves a motion."""
+    """Smallest disturbance after which a motion is left."""
     of = f"impulse at {record['probe']}" if record["probe"] else "velocity step of the base"
     if not is_known(record["amplitude"]):
         return f"no {of} up to {amount(record['largest_tried'], record['unit'], 3)} was found that leaves it"
@@ -181,7 +181,7 @@ def _smallest_disturbance_text(record: Mapping[str, Any]) -> str:
 
 
 def nnm_screen(result: NormalModeResult) -> Screen:
-    """Forced motions at phase resonance where there are some, else the points of the backbone that decide."""
+    """Forced motions at phase resonance if there are some, otherwise main points of the backbone."""
     s, errors = result.summary, Errors(result)
     first, last = s["start"], s["end"]
     stable = "all stable" if s["stable_points"] == s["points"] else f"{s['stable_points']} stable"
@@ -205,13 +205,13 @@ def nnm_screen(result: NormalModeResult) -> Screen:
 def _on_backbone(
     result: NormalModeResult, errors: Errors, name: str, point: Mapping[str, Any], place: str
 ) -> dict[str, str]:
-    """The row of a point: parameter, frequency and energy, and of a point asked for more.
+    """Row of a point: parameter, frequency and energy; a requested point has more.
 
     Parameters
     ----------
-    name : of the row.
-    point : of the summary.
-    place : of its frequency among the values that are compared with a finer model.
+    name : name of the row.
+    point : point of the summary.
+    place : place of its frequency among the values compared with a finer model.
     """
     row = {
         "": name,
@@ -223,7 +223,7 @@ def _on_backbone(
 
 
 def _branches_and_methods(result: NormalModeResult) -> Iterator[str]:
-    """Where other branches leave the backbone, and how other methods differ."""
+    """Origins of other branches on the backbone, and differences of other methods."""
     s, unit = result.summary, result.unit
     tongues = s.get("internal_resonances", ())
     if tongues:
@@ -252,7 +252,7 @@ def _cause(record: Mapping[str, Any]) -> str:
 
 
 def _phase_resonance_row(resonance_summary: Mapping[str, Any], level: Mapping[str, Any]) -> dict[str, str]:
-    """Row of a level: its phase resonance and the prediction from the mode."""
+    """Row of a level: phase resonance, and prediction from the mode."""
     row = {"": amount(level["level"], resonance_summary["unit"])}
     if level["found"]:
         row |= {

@@ -1,4 +1,4 @@
-"""What ``validate``, ``schema`` and ``new`` do."""
+"""Commands ``validate``, ``schema`` and ``new``."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ SCHEMA = "beamsim.schema.json"
 
 
 def validate(options: CommandOptions, *, sketch: bool) -> None:
-    """Check a case, and draw its model if asked for.
+    """Check a case, and draw its model on request.
 
     Parameters
     ----------
-    options : to the command.
-    sketch : whether to draw the model.
+    options : shared options.
+    sketch : True to draw the model.
 
     Raises
     ------
     ScenarioError
-        With every problem found.
+        With every problem.
     ResultFileError
         If the picture cannot be written.
     """
@@ -70,12 +70,12 @@ def validate(options: CommandOptions, *, sketch: bool) -> None:
 
 
 def _check_inputs(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
-    """What can be known without an analysis: summaries of bodies from files, warnings, and the system of a motion.
+    """Check what needs no analysis: summaries of bodies from files, warnings, and the system of a motion.
 
     Raises
     ------
     ScenarioError
-        With every problem found.
+        With every problem.
     """
     if scenario.study is not None:
         from beamsim.analyses.studies.plan import check_cases, plan_designs  # and with it every analysis
@@ -106,21 +106,21 @@ def write_schema(output: Path | None) -> None:
 
 
 def write_template(path: Path, kind: TemplateKind, *, force: bool, as_json: bool) -> None:
-    """Write a template and, to the same folder, the schema that its first line names.
+    """Write a template, and next to it the JSON Schema that its first line names.
 
-    The schema is that of this version, and is written in any case.
+    The schema of this version is always written.
 
     Parameters
     ----------
-    path : of the scenario.
-    kind : of the template.
-    force : whether to replace an existing scenario.
-    as_json : whether to print JSON.
+    path : file of the scenario.
+    kind : kind of the template.
+    force : True to replace an existing scenario.
+    as_json : True to print JSON.
 
     Raises
     ------
     ScenarioError
-        If the file exists, or has the ending of another kind of file.
+        If the file exists, or its name has the ending of another kind of file.
     ResultFileError
         If it cannot be written.
     """

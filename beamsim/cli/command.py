@@ -1,4 +1,4 @@
-"""What all analyses share: compute, save, plot and print the result; exit code."""
+"""Steps that all analyses share: compute, save, plot, print, and set the exit code."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from beamsim.store.results import keep_result, refusing_damage
 from beamsim.typing import not_none
 
 _Result = TypeVar("_Result", bound=Result)
-WORTH_STATING_S = 10.0  # processor time of a command that the first screen states
+WORTH_STATING_S = 10.0  # processor time of a command from which the first screen states it
 Compute = Callable[[Progress, Interruption], _Result]
-"""Computes a result; called with a function of the completed fraction and one that returns whether to stop."""
+"""Function that computes a result, from a progress function and a stop function."""
 
 
 def load_for_command(command: str, options: CommandOptions) -> tuple[Scenario, Path]:
-    """The scenario of a case for a command, whose section it must have, and the path of its result file.
+    """Load the scenario of a command, check that it has the command's section, and return the path of the result file.
 
     Raises
     ------
     ScenarioError
         If the scenario is invalid, or has no limits to check.
     ResultFileError
-        If the result could not be written.
+        If the result could not be written later.
     """
     scenario = load_case(options, command)
     if options.check and scenario.limits is None:
@@ -62,15 +62,15 @@ def load_for_command(command: str, options: CommandOptions) -> tuple[Scenario, P
 def compute_and_save(
     kind: str, target: Path, options: CommandOptions, compute: Compute[_Result], label: str, afterwards: str = ""
 ) -> _Result:
-    """Compute a result, write, plot and print it, all under signals.
+    """Compute a result, then write, plot and print it, with handling of signals.
 
     Parameters
     ----------
-    kind : of the result, one of `beamsim.kinds.KINDS`.
+    kind : kind of the result, from `beamsim.kinds.KINDS`.
     target : the result file; the plots are written to the same folder.
-    options : to the command: what is written and printed.
-    compute : the result.
-    label, afterwards : what is done meanwhile, as of `Progress`.
+    options : shared options of commands.
+    compute : function that computes the result.
+    label, afterwards : texts of the progress report, see `Progress`.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def compute_and_save(
     ScenarioError, ResultFileError
         If the scenario or a file cannot be used.
     VerdictError
-        As `plot_and_print`.
+        See `plot_and_print`.
     """
     with interruptible() as interrupted:
         with progress_of(label, shown=not options.quiet, afterwards=afterwards) as progress:
@@ -89,7 +89,7 @@ def compute_and_save(
         with progress_of(f"writing {target.name}", shown=not options.quiet):
             result = replace(result, command_processor_time_s=used_processor_time())
             written = keep_result(result, target, resumed=options.resume)
-        with refusing_damage(target) if options.resume else nullcontext():  # parts of it come from a file
+        with refusing_damage(target) if options.resume else nullcontext():  # the file provides parts of the result
             plot_and_print(kind, result, written, options, interrupted)
     return result
 
@@ -102,20 +102,20 @@ def plot_and_print(
     interrupted: Interruption,
     others: Iterable[Path] = (),
 ) -> None:
-    """Plot and print a result that has been written, and raise the error for the exit code of its outcome.
+    """Plot and print a written result, and raise an error for the exit code of its outcome.
 
     Parameters
     ----------
-    kind, options : as of `compute_and_save`.
-    result : that was written.
-    target : file to which it was written.
-    interrupted : whether a signal stopped the computation, or came while the file was written (no plots are made then).
-    others : files that were written with it.
+    kind, options : see `compute_and_save`.
+    result : the written result.
+    target : its file.
+    interrupted : stop flag; if it is set, no plots are made.
+    others : other files that were written.
 
     Raises
     ------
     VerdictError
-        If the result is not complete or reliable, a signal left out its plots, or a limit that is checked is not met.
+        If the result is incomplete or unreliable, a signal prevented its plots, or a checked limit is not met.
     """
     with use_units(result.scenario.display_scales):
         files = [target, *others]
@@ -141,7 +141,7 @@ def plot_and_print(
 
 
 def _print_all(kind: str, result: Result, files: Sequence[Path], options: CommandOptions) -> None:
-    """Print the warnings of a result, and its summary as JSON or as a table, or neither."""
+    """Print the warnings of a result, and its summary as JSON, as a table, or not at all."""
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if options.json:
@@ -156,7 +156,7 @@ def _print_all(kind: str, result: Result, files: Sequence[Path], options: Comman
 
 
 def _outcome_lines(result: Result, target: Path, *, interrupted: bool) -> Iterator[str]:
-    """How the computation of a result ended, and where it is; nothing of a complete one."""
+    """How the computation ended and where its result is; empty for a complete result."""
     if interrupted:
         what = "partial" if result.outcome.interrupted else "whole"
         yield f"interrupted; the {what} result is in {target}; `beamsim plot {target}` plots it"
@@ -170,20 +170,20 @@ def run_analysis(
     then: Callable[[Any, Interruption], Result] = lambda result, _: result,
     **analysis_options: Any,
 ) -> None:  # fmt: skip
-    """Compute the result of a kind whose command has the same name.
+    """Run the analysis whose command has the name of the kind.
 
     Parameters
     ----------
-    kind : of the result.
-    options : to the command.
-    doing : what is done with the case meanwhile, "simulating".
-    then : makes the result that is kept of the one computed.
-    analysis_options : of the analysis.
+    kind : kind of the result.
+    options : shared options.
+    doing : verb for the progress report, such as "simulating".
+    then : function that derives the stored result from the computed one.
+    analysis_options : arguments of the analysis.
 
     Raises
     ------
     BeamsimError
-        As `compute_and_save`.
+        See `compute_and_save`.
     """
     scenario, target = load_for_command(kind, options)
 
@@ -196,7 +196,7 @@ def run_analysis(
     name = options.case.name
     label = f"{doing} {name}"
     swept = [part for _, part in scenario.excitation.items if part.kind == "swept_sine"]
-    if kind == "run" and swept:  # of whose cycles the time depends
+    if kind == "run" and swept:  # whose number of cycles determines the time
         marched = not_none(scenario.run).duration
         label += f" ({max(part.cycles_in(marched) for part in swept):.0f} cycles)"
         if not options.quiet:
@@ -205,7 +205,7 @@ def run_analysis(
 
 
 def _announce_time(label: str, scenario: Scenario) -> None:
-    """Say about how long a swept sine takes, where that is worth knowing."""
+    """Announce the expected time of a swept sine, if it is long."""
     from beamsim.trust.expected_time import expected_time
 
     with scenario.locating():

@@ -1,4 +1,4 @@
-"""The commands that compare with measurements: ``compare`` and ``compare-modes``."""
+"""Commands ``compare`` and ``compare-modes``."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ def compare_signals(
     options: CommandOptions, measured: Path, pairing: Mapping[str, Any], prepared_by: Mapping[str, str | None],
     of_runs: Mapping[str, Any], of_sweeps: Mapping[str, Any],
 ) -> None:  # fmt: skip
-    """Compare the result of a run or of a sweep with measured signals.
+    """Compare the result of a run or a sweep with measured signals.
 
     Parameters
     ----------
-    options : to the command, whose case is the file of a result.
+    options : shared options; the case is a result file.
     measured : file of the measurement.
-    pairing : which channel belongs to which signal of the result, as in `ChannelChoice`.
-    prepared_by : factor, remove and high_pass of measured histories.
-    of_runs, of_sweeps : options for results of one and of the other kind.
+    pairing : assignment of channels to signals of the result, as in `ChannelChoice`.
+    prepared_by : options factor, remove and high_pass for measured histories.
+    of_runs, of_sweeps : options for results of runs, and of sweeps.
 
     Raises
     ------
     ScenarioError
-        Where an option does not apply to the kind of result, and as `compute_and_save`.
+        If an option does not apply to the kind of result; also as `compute_and_save`.
     """
     path = options.case
     target = output_file(options.output, f"{path.stem}_compare", ".h5", ".hdf5")
@@ -66,12 +66,12 @@ def compare_signals(
 
 
 def _preparation(options: Mapping[str, str]) -> RecordPreparation:
-    """How measured histories are prepared, as options say.
+    """Preparation of measured histories from the options.
 
     Raises
     ------
     ScenarioError
-        For an option that cannot be read, named as the option is.
+        If an option is invalid; the message names it.
     """
     try:
         return RecordPreparation.model_validate(options)
@@ -85,7 +85,7 @@ def _preparation(options: Mapping[str, str]) -> RecordPreparation:
 
 
 def _refuse_of_sweeps(options: Mapping[str, object]) -> None:
-    """Refuse options that the comparison of a run does not use.
+    """Refuse options that do not apply to the comparison of a run.
 
     Raises
     ------
@@ -107,20 +107,20 @@ def compare_shapes(
     limits: Mapping[str, float | None],
     decimal: DecimalMark | None = None,
 ) -> None:
-    """Pair measured with computed modes.
+    """Pair measured and computed modes.
 
     Parameters
     ----------
-    options : to the command.
+    options : shared options.
     measured : file of the shapes.
-    contacts : state in which the modes are computed.
+    contacts : state of the contacts in the computed modes.
     limits : least_mac and most_difference (%), None for no limit.
-    decimal : decimal mark of a text file, by default what its numbers show.
+    decimal : decimal mark of a text file; found from the file by default.
 
     Raises
     ------
     VerdictError
-        Where a pair exceeds a limit.
+        If a pair exceeds a limit.
     BeamsimError
         As `compute_and_save`.
     """
@@ -140,7 +140,7 @@ def compare_shapes(
 def _exceeded_limits(
     pairs: Sequence[Mapping[str, Any]], least_mac: float | None, most_difference: float | None
 ) -> Iterator[str]:
-    """What exceeds the limits, mode by mode; a mode without partner exceeds both."""
+    """Exceeded limits, mode by mode; a mode without partner exceeds both."""
     for pair in pairs:
         name = f"mode measured at {pair['measured_hz']:.4g} Hz"
         if not pair["predicted"]:

@@ -1,4 +1,4 @@
-"""What ``report`` and ``animate`` do, and the sketch of ``validate``: pictures of models and motions."""
+"""Commands ``report`` and ``animate``, and the sketch of ``validate``: pictures of models and motions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from beamsim.system.build import build_system
 from beamsim.system.structural import StructuralSystem
 
 ANIMATIONS = (".gif", ".html", ".htm", ".mp4")
-"""Endings of animations."""
+"""File name endings of animations."""
 
 
 def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path, stem: str) -> list[Path]:
@@ -41,13 +41,13 @@ def draw_model(scenario: Scenario, built: StructuralSystem | None, folder: Path,
 
     Parameters
     ----------
-    scenario : with bodies.
-    built : its system, where it was built already.
-    folder, stem : of the picture.
+    scenario : scenario with bodies.
+    built : its system, if it is already built.
+    folder, stem : folder and stem of the picture file.
 
     Returns
     -------
-    The picture, alone in its list.
+    List with the picture.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def report(options: CommandOptions) -> None:
     Raises
     ------
     ResultFileError
-        If the file cannot be read, or the page not be written.
+        If the file cannot be read, or the page cannot be written.
     """
     path = options.case
     target = output_file(options.output, f"{path.stem}_report", ".html", ".htm")
@@ -77,7 +77,7 @@ def report(options: CommandOptions) -> None:
         about = f"{KINDS[kind].description.replace('`', '')}, {result.created}, beamsim {result.beamsim_version}"
         figures = resolve_name(KINDS[kind].figures)(result)
         screen = resolve_name(KINDS[kind].screen)(result).text(result, [path.name])
-        screen = screen.rpartition("\n")[0]  # without the files
+        screen = screen.rpartition("\n")[0]  # without the list of files
         limits = margins(result, result.summary.get("margins") or {})
         model = _model(result)
         scene = _scene(result, model, shown=not (options.json or options.quiet))
@@ -89,12 +89,12 @@ def report(options: CommandOptions) -> None:
 
 
 def animate(options: CommandOptions) -> None:
-    """Write the motion of a result as a GIF and as HTML, or as the one file that is named, also as a video.
+    """Write the motion of a result as GIF and HTML, or as the single file that is named (also a video).
 
     Raises
     ------
     ResultFileError
-        If the file cannot be read or holds no motion, a file cannot be written, or there is no ffmpeg for a video.
+        If the file cannot be read or has no motion, a file cannot be written, or ffmpeg is missing for a video.
     """
     path, output = options.case, options.output
     if output is not None and output.suffix.lower() in ANIMATIONS and not output.is_dir():
@@ -122,7 +122,7 @@ def animate(options: CommandOptions) -> None:
 
 
 def _scene(result: Any, model: StructuralSystem | None, *, shown: bool) -> Scene | None:
-    """The animation for a report, which does without where the model cannot be built again."""
+    """Animation for a report; None if the model cannot be built again."""
     try:
         return scene_of(result, model, shown=shown)
     except BeamsimError as error:
@@ -135,7 +135,7 @@ def _sketch_of(scenario: Scenario, system: StructuralSystem) -> Sketch:
 
 
 def sketch_of_result(result: Any, model: StructuralSystem | None) -> Sketch | None:
-    """The sketch of a result, with a run's own numbers; without one None where the model is not known."""
+    """Sketch of a result, with the values of a run; None if the model is unknown (not for a run)."""
     if isinstance(result, RunResult):
         return Sketch(
             result.scenario.model_copy(update={"sweep": None}), Stations.of_modes(result["modes"]), stops_of(result)
@@ -144,35 +144,35 @@ def sketch_of_result(result: Any, model: StructuralSystem | None) -> Sketch | No
 
 
 def _model(result: Any) -> StructuralSystem | None:
-    """The model of the result's scenario; None where it has no bodies or cannot be built."""
+    """Model of the result's scenario; None if it has no bodies or cannot be built."""
     if not result.scenario.all_bodies:
         return None
     try:
         return build_system(result.scenario)
     except BeamsimError as error:
-        if not isinstance(result, RunResult):  # whose own numbers are sketched
+        if not isinstance(result, RunResult):  # a run has the numbers of its sketch
             say(f"beamsim: the report has no sketch of the model: {error}")
         return None
 
 
 def scene_of(result: Any, model: StructuralSystem | None = None, *, shown: bool, sweeps: bool = False) -> Scene | None:
-    """The animation of a run, of a stored periodic motion, or of the highest peak of a sweep.
+    """Animation of a run, of a stored periodic motion, or of the highest peak of a sweep.
 
     Parameters
     ----------
-    result : of any kind.
-    model : of its scenario, where it was built already.
-    shown : whether to report the progress.
-    sweeps : whether to compute sweeps again, which takes as long as they did.
+    result : result of any kind.
+    model : model of its scenario, if it is already built.
+    shown : True to report the progress.
+    sweeps : True to compute sweeps again, which takes as long as before.
 
     Returns
     -------
-    None of results without a motion of what is drawn.
+    None for results without a motion to draw.
 
     Raises
     ------
     ScenarioError
-        As `frames_of_run`, or where the model of a periodic motion cannot be built again.
+        See `frames_of_run`; also if the model of a periodic motion cannot be built again.
     """
     if isinstance(result, RunResult):
         with progress_of("computing the motion again", shown=shown) as progress:

@@ -1,4 +1,4 @@
-"""The command ``identify-stiffness``."""
+"""Command ``identify-stiffness``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from beamsim.measurements.channels import read_tests
 
 
 def identify(options: CommandOptions) -> None:
-    """Find stiffness and damping of stops from tests."""
+    """Identify stiffness and damping of stops from tests."""
     scenario, target = load_for_command("identify-stiffness", options)
     settings = scenario.identify_stiffness
     has_tests = settings is not None and settings.nonlinear is not None

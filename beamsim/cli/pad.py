@@ -1,4 +1,4 @@
-"""What ``pad`` does: quantities as texts to numbers, numbers of a pad, and the section of a scenario."""
+"""Command ``pad``: read quantities, compute the properties of a pad, print a section of a scenario."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ _SHOWN = (
 
 
 def pad(texts: Mapping[str, str | None], curve: Mapping[str, Any], *, as_json: bool) -> None:
-    """Find stiffness and dashpot of a pad, and print the section of a scenario.
+    """Compute stiffness and dashpot of a pad, and print a section of a scenario.
 
     Parameters
     ----------
-    texts : quantities as they were given, by name.
-    curve : file of a measured curve and how it is read, by the name of the argument.
+    texts : quantities as text, by name.
+    curve : file of a measured curve and options for reading it, by argument name.
     as_json : whether to print JSON.
 
     Raises
     ------
     ScenarioError
-        With every text that is no such quantity, or if a scenario does not take what was found.
+        If a text is not a valid quantity, or the scenario does not accept the results.
     VerdictError
-        If what was found is not reliable.
+        If the results are not reliable.
     """
     numbers = _read_numbers({name: text for name, text in texts.items() if text is not None})
     known: dict[str, Any] = {**curve, **numbers}
@@ -69,7 +69,7 @@ def _read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
     Raises
     ------
     ScenarioError
-        With every text that is no such quantity.
+        For every text that is not a valid quantity.
     """
     numbers, problems = {}, []
     for name, text in texts.items():
@@ -83,12 +83,12 @@ def _read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
 
 
 def _check_found(found: PadNumbers) -> None:
-    """Check the stiffness and the dashpot, which follow from numbers in range and may lie outside.
+    """Check that the scenario accepts the computed stiffness and dashpot.
 
     Raises
     ------
     ScenarioError
-        If a scenario does not take one of them.
+        If it does not accept one of them.
     """
     for name, value in (("stiffness", found.stiffness), ("dashpot", found.dashpot)):
         try:
@@ -99,7 +99,7 @@ def _check_found(found: PadNumbers) -> None:
 
 
 def _snubber(found: PadNumbers) -> Iterator[str]:
-    """The section of a scenario."""
+    """Lines of a section of a scenario."""
     yield "snubbers:"
     yield "  - name: pad"
     yield "    position: 100 %"
@@ -120,7 +120,7 @@ def _snubber(found: PadNumbers) -> Iterator[str]:
 
 
 def _comments(found: PadNumbers) -> Iterator[str]:
-    """How reliable it is and what is known of the pad, a line each."""
+    """Comment lines with reliability and properties of the pad."""
     if verdict := EXIT_RULES[found.outcome.gravest_kind].first_line:
         yield verdict
     for label, name, unit in _SHOWN:

@@ -1,11 +1,11 @@
-"""What signals raised outside of computations: a library that is being loaded may make an error of its own of it."""
+"""Signals received outside of computations, which a library that is being loaded may turn into its own errors."""
 
 from __future__ import annotations
 
 RECEIVED: list[BaseException] = []
-"""The latest is last."""
+"""Exceptions of the signals, latest last."""
 
 
 def latest_signal() -> BaseException | None:
-    """The latest of them, None where no signal came."""
+    """Exception of the latest signal; None without a signal."""
     return RECEIVED[-1] if RECEIVED else None

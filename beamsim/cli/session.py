@@ -1,7 +1,7 @@
-"""What surrounds every command: what it is options, what it prints, how far it is, and how it ends.
+"""Environment of every command: options, printing, progress, interruption and exit code.
 
-What it raises becomes a message and an exit code (`beamsim.outcomes.ExitCode`). The first Ctrl-C or SIGTERM sets a
-flag, the second ends the command at once. Progress is shown on standard error: a bar on terminals, elsewhere a line
+Exceptions become a message and an exit code (`beamsim.outcomes.ExitCode`). The first Ctrl-C or SIGTERM sets a flag,
+the second one ends the command at once. Progress is shown on standard error: a bar on terminals, elsewhere a line
 every few seconds.
 """
 
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
 
 
 class CommandOptions(NamedTuple):
-    """Options that commands share: a file, numbers to replace in it, where to write, and what to print."""
+    """Shared options of commands: file, replacements in it, output, and printing."""
 
-    case: Path = Path()  # scenario or result
+    case: Path = Path()  # scenario or result file
     overrides: list[str] | None = None
     output: Path | None = None
     json: bool = False
     no_plots: bool = False
     quiet: bool = False
-    verbose: bool = False  # whether the whole table is printed
-    allow_hours: float = MOST_HOURS  # longest time that the computation may be estimated to take
-    check: bool = False  # whether exceeding a limit is an error
-    resume: bool = False  # whether to go on from what an interrupted command has kept
-    open_files: bool = False  # whether files that a result names may be opened to build its model again
+    verbose: bool = False  # print the complete table
+    allow_hours: float = MOST_HOURS  # largest estimated time of the computation
+    check: bool = False  # treat an exceeded limit as an error
+    resume: bool = False  # resume an interrupted command
+    open_files: bool = False  # allow opening the files that a result names, to build its model again
 
 
 RESULTS = (".h5", ".hdf5")
@@ -54,16 +54,16 @@ RESULTS = (".h5", ".hdf5")
 
 
 def load_case(options: CommandOptions, command: str = "") -> Scenario:
-    """The scenario of a command: that of a YAML file, or of a result file, with what is replaced in it.
+    """Scenario of a command, from a YAML or a result file, with replaced values.
 
-    The files that the case of a result names are looked for in its folder and where they were, and must be unchanged.
+    Files that the case of a result names are searched in its folder and at their old paths, and must be unchanged.
 
     Raises
     ------
     ScenarioError
         If the scenario is invalid.
     ResultFileError
-        If it is that of a result file, and this cannot be read.
+        If it is in a result file that cannot be read.
     """
     from beamsim.scenario import load_scenario  # without which --help is instant
 
@@ -74,7 +74,7 @@ def load_case(options: CommandOptions, command: str = "") -> Scenario:
 
 
 def _scenario_of_result(file: Path, overrides: Sequence[str], command: str) -> Scenario:
-    """The scenario of a result file for a command, with what is replaced in it; raises as `load_case`."""
+    """Scenario of a result file for a command, with replaced values; raises as `load_case`."""
     from beamsim.scenario import load_scenario
     from beamsim.store.results import load
 
@@ -85,7 +85,7 @@ def _scenario_of_result(file: Path, overrides: Sequence[str], command: str) -> S
 
 
 def result_stem(options: CommandOptions) -> str:
-    """Stem of the file that a command writes: that of its case, with ``_again`` if the case is a result file."""
+    """Stem of the output file: that of the case, with ``_again`` if the case is a result file."""
     return f"{options.case.stem}_again" if options.case.suffix.lower() in RESULTS else options.case.stem
 
 
@@ -98,14 +98,14 @@ def say(text: str) -> None:
 
 
 def show(*texts: object) -> None:
-    """Print texts on standard output, a line each, with escapes in place of control characters from files."""
+    """Print texts on standard output, one per line, with control characters escaped."""
     print(*(visible(str(text)) for text in texts), sep="\n")
 
 
 def print_json(values: Mapping[str, Any]) -> None:
-    """One JSON object on standard output; non-finite numbers are null.
+    """Print one JSON object on standard output; non-finite numbers become null.
 
-    Where the encoding of the output lacks a character, JSON's own escapes stand for all that are not ASCII.
+    If the encoding lacks a character, all non-ASCII characters are escaped.
     """
     from beamsim.summaries import as_builtin  # and with it NumPy, without which --help is instant
 
@@ -118,13 +118,13 @@ def print_json(values: Mapping[str, Any]) -> None:
 
 
 def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> None:
-    """Print the files written by a command, one per line; as JSON also where it is quiet.
+    """Print the files written by a command, one per line, or as JSON (also if quiet).
 
     Parameters
     ----------
-    files : in the order of printing.
-    json : whether to print JSON.
-    quiet : whether to print no lines.
+    files : files in the order of printing.
+    json : True to print JSON.
+    quiet : True to print no lines.
     """
     if json:
         print_json({"files": [str(path) for path in files]})
@@ -136,7 +136,7 @@ def print_files(files: Sequence[Path], *, json: bool, quiet: bool = False) -> No
 
 NOTHING_INCOMPLETE = "beamsim: interrupted; no incomplete file was left"
 
-# errors of print when the disk is full; not every system defines all of them
+# errors of print on a full disk; not every system defines all of them
 OUTPUT_REFUSED = [getattr(errno, name) for name in ("ENOSPC", "EIO", "EFBIG", "EDQUOT") if hasattr(errno, name)]
 
 
@@ -162,7 +162,7 @@ def verdict(error: BaseException) -> tuple[int, str]:
 
 
 def interruption_behind(error: BaseException) -> BaseException | None:
-    """What SIGINT or SIGTERM raised, where a library made an error of its own of it; None for other errors.
+    """Exception of SIGINT or SIGTERM, if a library replaced it by its own error; else None.
 
     >>> try:
     ...     try:
@@ -173,7 +173,7 @@ def interruption_behind(error: BaseException) -> BaseException | None:
     ...     interruption_behind(error)
     KeyboardInterrupt()
     """
-    if isinstance(error, VerdictError):  # the partial result is kept
+    if isinstance(error, VerdictError):  # the partial result is saved
         return None
     behind = error.__context__
     while behind is not None and not isinstance(behind, (KeyboardInterrupt, SystemExit)):
@@ -182,7 +182,7 @@ def interruption_behind(error: BaseException) -> BaseException | None:
 
 
 def broken_pipe(error: BaseException) -> bool:
-    """Whether standard output was closed by its reader (``| head``); on Windows that is an invalid argument."""
+    """True if the reader closed standard output (``| head``); on Windows that is an invalid argument."""
     invalid = sys.platform == "win32" and getattr(error, "errno", None) == errno.EINVAL
     return isinstance(error, BrokenPipeError) or (isinstance(error, OSError) and invalid and error.filename is None)
 
@@ -197,11 +197,11 @@ def discard_output() -> None:
 
 @contextmanager
 def with_exit_code(*, debug: bool) -> Iterator[None]:
-    """Let the block end the command with the message and exit code of what it raises.
+    """End the command with the message and exit code of an exception from the block.
 
     Parameters
     ----------
-    debug : whether to print the traceback of an error.
+    debug : True to print the traceback of an error.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def with_exit_code(*, debug: bool) -> Iterator[None]:
     try:
         yield
         if sys.stdout is not None:
-            sys.stdout.flush()  # here, where a full disk can be reported
+            sys.stdout.flush()  # report a full disk here
     except typer.Exit:
         raise
     except (Exception, KeyboardInterrupt, SystemExit) as raised:
@@ -219,7 +219,7 @@ def with_exit_code(*, debug: bool) -> Iterator[None]:
 
 
 def _exit_exception(raised: BaseException, *, debug: bool) -> BaseException:
-    """Say why a command ends, and return what ends it with its exit code."""
+    """Print why a command ends, and return the exception with its exit code."""
     error = raised
     if not isinstance(raised, SystemExit | VerdictError):
         error = interruption_behind(raised) or latest_signal() or raised
@@ -237,22 +237,22 @@ def _exit_exception(raised: BaseException, *, debug: bool) -> BaseException:
     return typer.Exit(code)
 
 
-STOPPING = "beamsim: stopping, and saving what was found; press again to stop at once without saving"
+STOPPING = "beamsim: stopping and saving the results so far; press again to stop at once without saving"
 
 
 @dataclass(eq=False)
 class Interruption:
-    """Whether a signal asked the command to end: what analyses call ``stop``."""
+    """True after a signal to stop; analyses receive it as ``stop``."""
 
-    signal: int = 0  # its number, or 0; of two that of the second
-    at_once: bool = False  # whether there was a second one
+    signal: int = 0  # number of the (latest) signal, or 0
+    at_once: bool = False  # True after a second signal
 
     def __call__(self) -> bool:
-        """Whether one was received."""
+        """True if a signal was received."""
         return self.signal != 0
 
     def request(self, number: int, _frame: FrameType | None) -> None:
-        """Take note of a signal.
+        """Handle a signal.
 
         Raises
         ------
@@ -267,9 +267,9 @@ class Interruption:
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Yield a flag that the first SIGINT or SIGTERM in the block sets; the second ends the block at once.
+    """Yield a flag that the first SIGINT or SIGTERM in the block sets; the second signal ends the block at once.
 
-    Signals that the process was started to ignore (``nohup``, background jobs of a shell) stay ignored.
+    Signals that were ignored when the process started (``nohup``, background jobs) stay ignored.
     """
     interruption = Interruption()
     before = {
@@ -284,11 +284,11 @@ def interruptible() -> Iterator[Interruption]:
         yield interruption
     except BaseException as error:
         stopped = interruption.at_once or isinstance(error, KeyboardInterrupt)
-        if isinstance(error, VerdictError) or not stopped:  # a verdict tells of a complete result, which is kept
+        if isinstance(error, VerdictError) or not stopped:  # a verdict belongs to a saved result
             raise
         if interruption.signal == signal.SIGTERM:
             sys.exit(ExitCode.TERMINATED)
-        raise KeyboardInterrupt from None  # libraries make errors of their own of it
+        raise KeyboardInterrupt from None  # libraries replace it by their own errors
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -296,40 +296,40 @@ def interruptible() -> Iterator[Interruption]:
 
 # --- How far it is ---------------------------------------------------------------------------------------------------
 
-SHOWN_AFTER_S = 2.0  # what takes less needs no report
-INTERVAL_S = 1.0  # of time, at least, over which a rate is measured
-INTERVALS = 4  # before the fastest rate counts: the first ones include the compilation of kernels
+SHOWN_AFTER_S = 2.0  # shorter tasks have no progress report
+INTERVAL_S = 1.0  # s, least duration over which a rate is measured
+INTERVALS = 4  # before the fastest rate is used: the first ones include compilation
 
 
 class Progress:
-    """How far one part of a command is; call it with the fraction that is done.
+    """Progress of one part of a command; call it with the completed fraction.
 
     Parameters
     ----------
-    label : what is done, "simulating case.yaml".
-    afterwards : what is done from fraction 1 on, of which no fraction is known; the label where nothing follows.
+    label : current task, such as "simulating case.yaml".
+    afterwards : task after fraction 1, whose fraction is unknown; by default the label.
     """
 
     def __init__(self, label: str, afterwards: str = "") -> None:
         self._label = visible(label)
         self._afterwards = afterwards or label
         self.begin = clock.monotonic()  # s
-        self._first: tuple[float, float] | None = None  # time and fraction of the first call: what was resumed is known
-        self._last, self._reached = 0.0, self.begin  # the fraction of the latest call that raised it, and its time
+        self._first: tuple[float, float] | None = None  # time and fraction of the first call
+        self._last, self._reached = 0.0, self.begin  # latest increased fraction, and its time
         self._allowed_hours = allowed_hours.get()
-        self._interval = (0.0, 0.0)  # time and fraction where the present one begins
-        self._paces: list[float] = []  # s for the whole, at the rate of each interval
+        self._interval = (0.0, 0.0)  # start of the current interval: time and fraction
+        self._paces: list[float] = []  # s for the whole task, at the rate of each interval
 
     def __call__(self, fraction: float) -> None:
-        """Set the fraction that is done.
+        """Set the completed fraction.
 
         Raises
         ------
         TooLongError
-            If the rest would take longer than is allowed at the fastest rate up to now.
+            If the remaining time exceeds the allowed time at the fastest rate so far.
         """
         now, before = clock.monotonic(), self._last
-        self._last = min(max(fraction, before), 1.0)  # a step of the part may begin again
+        self._last = min(max(fraction, before), 1.0)  # a step may start again
         if self._last != before:
             self._reached = now
         if self._first is None:
@@ -344,15 +344,15 @@ class Progress:
             raise TooLongError(f"{self._label}: the rest would take about", hours)
 
     def pause(self) -> None:
-        """Forget the rate: nothing is being done. No time is estimated before more is done."""
+        """Discard the rate during a pause; no time is estimated until there is more progress."""
         self._first = None
         self._paces.clear()
 
     def state(self) -> tuple[str, float | None, float | None]:
-        """What is being done, the fraction that is done, and the time left if it goes on as before, s.
+        """Current task, completed fraction, and estimated remaining time, s.
 
-        Fraction and time are None where they are not known. The time is what was left when the fraction was reached,
-        less what has passed since: parts of which no fraction is known may follow.
+        Fraction and time are None if unknown. The time counts from the call with the latest fraction; tasks of unknown
+        fraction may follow.
         """
         if self._first is None:
             return self._label, None, None
@@ -373,12 +373,12 @@ class Progress:
 
 @contextmanager
 def progress_of(label: str, *, shown: bool, afterwards: str = "") -> Iterator[Progress]:
-    """Report on standard error how far the block is, as soon as it takes more than two seconds.
+    """Report the progress of the block on standard error if it takes more than two seconds.
 
     Parameters
     ----------
-    label, afterwards : as of `Progress`.
-    shown : whether to report at all.
+    label, afterwards : see `Progress`.
+    shown : False for no report.
 
     Yields
     ------
@@ -402,9 +402,9 @@ def progress_of(label: str, *, shown: bool, afterwards: str = "") -> Iterator[Pr
 def _print_lines(progress: Progress, ended: threading.Event) -> None:
     interval = SHOWN_AFTER_S
     while not ended.wait(interval):
-        with suppress(OSError, ValueError):  # standard error is closed: the command itself will see to it
+        with suppress(OSError, ValueError):  # a closed standard error is handled by the command itself
             say(f"beamsim: {progress}")
-        interval = min(max(5.0, 0.1 * (clock.monotonic() - progress.begin)), 30.0)  # rarer the longer it takes
+        interval = min(max(5.0, 0.1 * (clock.monotonic() - progress.begin)), 30.0)  # less often, the longer it takes
 
 
 def _show_bar(progress: Progress, ended: threading.Event) -> None:
@@ -436,7 +436,7 @@ def _time_left_text(seconds: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time as people say it.
+    """Duration in readable units.
 
     >>> duration(12.3), duration(600.0), duration(7200.0)
     ('12 s', '10 min', '2.0 h')

@@ -1,4 +1,4 @@
-"""What ``info``, ``plot`` and ``export`` do."""
+"""Commands ``info``, ``plot`` and ``export``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from beamsim.store.results import kind_of, stored_result
 
 
 def info(options: CommandOptions) -> None:
-    """Print the contents of a result file of any kind: its table or summary, with who wrote it.
+    """Print the contents of a result file of any kind: table or summary, and its origin.
 
     Raises
     ------
@@ -62,12 +62,12 @@ def export(options: CommandOptions, form: str | None) -> None:
 
     CSV is a folder of tables: ``-o tables.csv`` names the folder ``tables_csv``.
 
-    The format is that of the suffix of the output by default.
+    By default the suffix of the output decides the format.
 
     Raises
     ------
     ScenarioError
-        If there is no format, or two contradict.
+        If the format is missing or contradicts the suffix.
     ResultFileError
         If the file cannot be read, the format does not support it, or a file cannot be written.
     """
@@ -88,12 +88,12 @@ def export(options: CommandOptions, form: str | None) -> None:
 
 
 def _format(output: Path | None, form: str | None) -> str:
-    """The format of an export: that options, or that of the suffix of the file named by ``-o``.
+    """Format of an export, from the option or from the suffix of the ``-o`` file.
 
     Raises
     ------
     ScenarioError
-        If there is none, or the two contradict.
+        If both are missing, or contradict each other.
     """
     suffix = "" if output is None or output.is_dir() else output.suffix.lower().removeprefix(".")
     named = suffix if suffix in FORMATS else None

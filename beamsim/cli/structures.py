@@ -1,4 +1,4 @@
-"""What ``check`` and ``export-structure`` do."""
+"""Commands ``check`` and ``export-structure``."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def export(options: CommandOptions, body: str | None, modes: int | None, units: 
 
     Parameters
     ----------
-    options : to the command.
+    options : shared options.
     body, modes, units, binary : see `write_export`.
 
     Raises
@@ -67,7 +67,7 @@ def export(options: CommandOptions, body: str | None, modes: int | None, units: 
         problem = Problem("--units", f"{units} is not a system of units", f"give one of {', '.join(SYSTEMS)}")
         raise ScenarioError(problem)
     if output is not None and output.suffix.lower() in {*FORMATS} - {*ENDINGS} and not output.is_dir():
-        message = f"{output} is of a format that is read, not written"
+        message = f"{output} has a format that can only be read"
         raise ScenarioError(Problem("-o", message, f"give a name that ends with {', '.join(ENDINGS)}"))
     scenario = load_case(options)
     target = output_file(output, f"{case.stem}_matrices", *ENDINGS)
@@ -83,16 +83,16 @@ def write_export(
     scenario: Scenario, target: Path, body: str | None = None, modes: int | None = None, units: str = "SI", *,
     binary: bool = False,
 ) -> tuple[list[Path], str]:  # fmt: skip
-    """Write matrices and table.
+    """Write the matrices and the table of degrees of freedom.
 
     Parameters
     ----------
-    scenario : of the structure.
+    scenario : scenario with the structure.
     target : file of the matrices; the table is written to the same folder.
-    body : that is written by itself, without its joints; None for the whole structure.
-    modes : of a Craig-Bampton model, whose boundary is where something acts; None for all nodes.
-    units : of matrices and coordinates.
-    binary : whether OP4 is binary.
+    body : body to write without its joints; None for the whole structure.
+    modes : number of modes of a Craig-Bampton model, with its boundary at all loads and contacts; None: all nodes.
+    units : units of matrices and coordinates.
+    binary : True for binary OP4.
 
     Returns
     -------
@@ -101,9 +101,9 @@ def write_export(
     Raises
     ------
     ScenarioError
-        If no body has this name, or there is no such Craig-Bampton model.
+        If no body has this name, or the Craig-Bampton model is not possible.
     MethodError
-        If OP4 is asked for and pyYeti is not installed.
+        If OP4 is requested and pyYeti is not installed.
     ResultFileError
         If a file cannot be written.
     """
@@ -120,7 +120,7 @@ def write_export(
     for key, matrix in (("mass", "mass"), ("stiffness", "stiff"), ("viscous", "viscous")):
         if matrix in written:
             file = written[matrix]
-            matrix_name = f", name: {matrix}" if file == target else ""  # where it holds several
+            matrix_name = f", name: {matrix}" if file == target else ""  # if the file has several
             lines.append(f"    {key}: {{file: {file.name}{matrix_name}}}")
     base = f"{{nodes: [{', '.join(map(str, named.base))}], direction: {named.direction}}}" if named.base else "free"
     stated = [] if units == "SI" else [f"    units: {units}"]
@@ -130,14 +130,14 @@ def write_export(
 
 
 def _matrices(scenario: Scenario, name: str | None, modes: int | None) -> tuple[str, NamedMatrices, dict[str, str]]:
-    """Name and matrices of one body, or of the structure, and how places on it are written now."""
+    """Name and matrices of one body or of the structure, and the new references to places on it."""
     bodies = {body.name: body for body in bodies_of(scenario)}
     if name is not None and name not in bodies:
         raise ScenarioError(f"--body {name} is an unknown body; {suggestion(name, bodies, 'the bodies are')}")
     if name is None and len(bodies) == 1:
         name = next(iter(bodies))
     if name is not None and modes is None and scenario.all_bodies[name].is_read_from_files:
-        return name, bodies[name].named_matrices, {}  # whose nodes keep their numbers
+        return name, bodies[name].named_matrices, {}  # its nodes keep their numbers
     structure = assemble(scenario) if name is None else bodies[name]
     places = [place for place in acting_places(scenario) if name is None or place.body == name]
     try:

@@ -1,4 +1,4 @@
-"""The first screen of a design study."""
+"""First screen of a design study."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from beamsim.results.values import VALUES, limit_label, parameter_label
 from beamsim.scenario.base import count_text
 
 MOST_BEST = 5
-SLIGHT = 0.1  # importance of which an upper bound is shown where it is not known better
+SLIGHT = 0.1  # importance below which only an upper bound is shown
 
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "one_at_a_time": "one parameter at a time, ",
@@ -35,7 +35,7 @@ _STATISTICS = {
 
 
 def design_screen(result: StudyResult) -> Screen:
-    """The best cases, or else the ranges of the responses with the cases at their ends; limits and who causes what."""
+    """Best cases, or ranges of the responses with their cases; limits, and dependence on the parameters."""
     s = result.summary
     if "reliability" in s:
         return _probability_screen(result, s["reliability"])
@@ -54,7 +54,7 @@ def design_screen(result: StudyResult) -> Screen:
             f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.units[name])}"
             for name, of in shown[:SHOWN]
         ]
-        without = " without their tolerances" if "tolerances" in s else ""  # unlike limits and the objective
+        without = " without their tolerances" if "tolerances" in s else ""  # in contrast to limits and the objective
         lines += [f"all cases{without}: {', '.join(ranges)}"] if ranges else []
     elif result.kind == "one_at_a_time":
         rows = list(_swing_rows(result, [name for name, _ in shown][:SHOWN]))
@@ -74,7 +74,7 @@ def design_screen(result: StudyResult) -> Screen:
 
 
 def _worst_lines(result: StudyResult) -> Iterator[str]:
-    """The worst of the best case within its tolerances, where it is, and how it was found."""
+    """Worst realisation of the best case within its tolerances, and how it was found."""
     if (worst := result.summary.get("worst")) is None:
         return
     tolerances, count = result.summary["tolerances"]["parameters"], count_text(worst["further_cases"], "further case")
@@ -88,14 +88,14 @@ def _worst_lines(result: StudyResult) -> Iterator[str]:
 
 
 def _deviation_text(path: str, share: float, tolerance: Mapping[str, Any]) -> str:
-    """A number with its deviation: ``tip stiffness +15 %``."""
+    """Number with its deviation, such as ``tip stiffness +15 %``."""
     size = abs(share) * tolerance["tolerance"]
     text = f"{100.0 * size:.3g} %" if tolerance["relative"] else amount(size, tolerance["unit"], 3)
     return f"{parameter_label(path)} {'-' if share < 0.0 else '+'}{text}"
 
 
 def _comparison(result: StudyResult) -> str:
-    """How many cases are compared with a finer model."""
+    """Number of cases that are compared with a finer model."""
     count, total = int(result["cases"]["compared"].values.sum()), result.count
     if count == total:
         return "all cases compared with a finer model"
@@ -104,7 +104,7 @@ def _comparison(result: StudyResult) -> str:
 
 
 def _near_lines(result: StudyResult) -> Iterator[str]:
-    """How sharply the best design is located, and what is known of the front."""
+    """Range of nearly optimal designs, and the size of the front."""
     if "front" in result["cases"]:
         count = int(result["cases"]["front"].values.sum())
         yield f"{count_text(count, 'design')} of the front: none is better in both objectives"
@@ -121,7 +121,7 @@ def _near_lines(result: StudyResult) -> Iterator[str]:
 
 
 def _end_lines(result: StudyResult) -> Iterator[str]:
-    """The design that is best in each of two objectives, and whether a wider range may have a better one."""
+    """Best design in each of two objectives, and whether a wider range may have a better one."""
     units = {name: of.unit for name, of in result["cases"].by_label("objective_value").items()}
     for end in result.summary.get("front_ends", ()):
         design = [f"{label} {value}" for label, value in _parameters(result, end["parameters"]).items()]
@@ -135,7 +135,7 @@ def _end_lines(result: StudyResult) -> Iterator[str]:
 
 
 def _gap_lines(result: StudyResult) -> Iterator[str]:
-    """Where the front has no design: it may consist of parts."""
+    """Gaps of the front, which may consist of several parts."""
     units = {name: of.unit for name, of in result["cases"].by_label("objective_value").items()}
     for gap in result.summary.get("front_gaps", ()):
         name = next(iter(gap["from"]))
@@ -146,7 +146,7 @@ def _gap_lines(result: StudyResult) -> Iterator[str]:
 
 
 def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:
-    """The probability of exceeding the limits, and what each number has to do with it."""
+    """Probability of exceeding the limits, and its dependence on the numbers."""
     p, variation = of["probability"], of["coefficient_of_variation"]
     lines = []
     if is_known(variation) and math.isfinite(variation):
@@ -165,7 +165,7 @@ def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:
 
 
 def _region_line(result: StudyResult, of: Mapping[str, Any]) -> Iterator[str]:
-    """The failure regions with their shares of the probability, and what checks that none is missing."""
+    """Failure regions with their shares of the probability, and the check for missing regions."""
     agrees = f"subset simulation finds {of['cross_check']:.2g}" if "cross_check" in of else ""
     if "regions" not in result.datasets:
         yield from filter(None, [agrees])
@@ -179,7 +179,7 @@ def _region_line(result: StudyResult, of: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
-    """The numbers that scatter, the most important one first; values that are sure to a factor of two."""
+    """Scattering numbers, the most important one first; only values known to a factor of two."""
     if "random_numbers" not in result.datasets:
         return
     numbers = result["random_numbers"]
@@ -201,13 +201,13 @@ def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
 
 
 def _doubling(of: Dataset, unit: str) -> str:
-    """By how much the mean moves where the probability doubles; both ways where these are as near."""
+    """Shift of the mean that doubles the probability; both directions if they are similar."""
     ways = [tuple(of[f"doubles{end}"].sel(side=side).item() for end in ("", "_low", "_high")) for side in SIDES]
     known = sorted(
         (way for way in ways if is_known(way[0]) and _is_within_factor_two(*way)), key=lambda way: abs(way[0])
     )
     if not known or any(is_known(way[0]) and abs(way[0]) < abs(known[0][0]) for way in ways):
-        return ""  # the other way is nearer, but not known well enough
+        return ""  # the other direction is nearer, but uncertain
     nearest, low, high = known[0]
     if not is_known(low):
         return f"{'+' * (nearest > 0)}{round_with_unit(nearest, unit)}"
@@ -217,14 +217,14 @@ def _doubling(of: Dataset, unit: str) -> str:
 
 
 def _is_within_factor_two(value: float, low: float, high: float) -> bool:
-    """Whether an interval is within a factor of two of its value, or not known as the method has none."""
+    """True if an interval is within a factor of two of its value, or if the method gives no interval."""
     if not is_known(low):
         return True
     return abs(low) >= 0.5 * abs(value) and abs(high) <= 2.0 * abs(value)
 
 
 def _cases_text(result: StudyResult) -> str:
-    """How many cases there are and how many meet the limits."""
+    """Number of cases, and of those that meet the limits."""
     s = result.summary
     sides = f"{' x '.join(map(str, result.shape))} = " if len(result.shape) > 1 else ""
     solved = f", {s['solved']} solved" if s["solved"] < result.count else ""
@@ -238,7 +238,7 @@ def _cases_text(result: StudyResult) -> str:
 
 
 def _remarks(result: StudyResult, name: str, of: Mapping[str, Any]) -> Iterator[str]:
-    """The populations of a response of a sample, and the parameters that it depends on most."""
+    """Populations of a sampled response, and the parameters that it depends on most."""
     called, shares = _response_label(result, name), result.summary.get("sensitivity", {}).get(name, {})
     if "populations" in of:
         mean = round_with_unit(of["mean"], result.units[name])
@@ -253,7 +253,7 @@ def _remarks(result: StudyResult, name: str, of: Mapping[str, Any]) -> Iterator[
 
 
 def _swing_rows(result: StudyResult, names: Sequence[str]) -> Iterator[dict[str, str]]:
-    """Responses of the scenario as it is, and their ranges with each parameter; that of the largest first one first."""
+    """Responses of the unchanged scenario, and their ranges with each parameter, the largest first."""
     swings = {name: result.summary["sensitivity"][name] for name in names if name in result.summary["sensitivity"]}
     of = {name: (result.units[name], _response_label(result, name)) for name in swings}
     yield {"": "as it is"} | {
@@ -267,14 +267,14 @@ def _swing_rows(result: StudyResult, names: Sequence[str]) -> Iterator[dict[str,
 
 
 def _populations(result: StudyResult, name: str, of: Mapping[str, Any]) -> str:
-    """The populations that values are in."""
+    """Text of the populations of a response."""
     unit, groups = result.units[name], of["populations"]
     ranges = [f"{extent(g['smallest'], g['largest'], unit)} in {count_text(g['cases'], 'case')}" for g in groups]
     return f"{len(groups)} populations: {', '.join(ranges)}"
 
 
 def _odds(of: Mapping[str, Any]) -> str:
-    """A probability with its interval, each to two digits of what it is away from 0 or from 1."""
+    """Probability with its interval, each to two digits of the distance from 0 or 1."""
     share, low, high = (
         f"{100 * p:.{max(0, -math.floor(math.log10(min(p, 1 - p))) - 1) if 0 < p < 1 else 0}f}"
         for p in (of["share"], of["low"], of["high"])
@@ -306,9 +306,9 @@ def _limit_lines(result: StudyResult) -> Iterator[str]:
 
 
 def _range_row(result: StudyResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
-    """A response with its ends and the parameters there."""
+    """Response with its extremes and the parameters there."""
     row, unit = {"": _response_label(result, name)}, result.units[name]
-    if "mean" in of:  # of a sample
+    if "mean" in of:  # a sample
         return row | {label: round_with_unit(of[key], unit) for key, label in _STATISTICS.items()}
     varied = ", ".join(parameter_label(path.rpartition(".")[2]) for path in result["cases"].labels("parameter"))
     for end in ("smallest", "largest"):
@@ -318,7 +318,7 @@ def _range_row(result: StudyResult, name: str, of: Mapping[str, Any]) -> dict[st
 
 
 def _deciding_responses(result: StudyResult) -> list[str]:
-    """Names of the responses that limits and the objective ask for; without any of the peaks that could have limits."""
+    """Names of the responses with limits or objectives; without any, of the peaks that could have limits."""
     asked = [limited_response(name) for name in result.limits]
     asked += [name for objective in objectives(result.scenario) for name, _ in objective.terms]
     asked = asked or [value.name for value in VALUES if value.in_sweeps]
@@ -338,7 +338,7 @@ def _passing(result: StudyResult, passing: int) -> str:
 
 
 def _of_quantile(result: StudyResult) -> str:
-    """Which of the realisations of a case its objective and its limits are judged by, behind what is judged."""
+    """Realisation that judges the objective and the limits of a case, as text after the judged value."""
     quantile = result.summary.get("tolerances", {}).get("quantile")
     if quantile is None:
         return ""
@@ -346,13 +346,13 @@ def _of_quantile(result: StudyResult) -> str:
 
 
 def _best_rows(result: StudyResult, best: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """The first of the best cases."""
+    """Rows of the best cases."""
     known, rows = result["cases"].by_label("objective_value"), []
     for item in best[:MOST_BEST]:
         row = _parameters(result, item["parameters"])
         for (name, of), value in zip(known.items(), item.get("values", {"": item["value"]}).values(), strict=False):
             row[name.replace("_", " ")] = amount(value, of.unit)
-        if "limit" in item:  # it is known, since the case passes: what is not finite is that of a value of zero
+        if "limit" in item:  # the case passes, so the margin is known; a value of zero makes it infinite
             row["margin"] = margin_text(item["margin"], 1.0 if math.isfinite(item["margin"]) else 0.0)
             row["limit"] = limit_label(item["limit"])
         if "worst" in item:
@@ -362,12 +362,12 @@ def _best_rows(result: StudyResult, best: Sequence[Mapping[str, Any]]) -> list[d
 
 
 def _share(index: float) -> str:
-    """An index in percent; small samples estimate some below zero or above one."""
+    """Index in percent; small samples may estimate values below zero or above one."""
     return f"{100 * max(index, 0.0):.0f} %"
 
 
 def _response_label(result: StudyResult, name: str) -> str:
-    """Place and quantity of a response; the curve of a sweep where there are several."""
+    """Place and quantity of a response; with the curve of a sweep if there are several."""
     *path, quantity = name.split("/")  # [curve,] [probes, snubbers or outputs, name]
     curves = {each.partition("/")[0] for each in result.responses if each.count("/") == 3}
     shown = path[:-2] if len(curves) > 1 else []

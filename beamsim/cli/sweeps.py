@@ -1,4 +1,4 @@
-"""What ``sweep`` does: a swept or stepped sine, a continuation, or many cases, stored as they are completed."""
+"""Command ``sweep``: swept or stepped sine, continuation, coexisting motions, or many cases."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from beamsim.version import __version__
 
 _NEEDS_VARY = "leave out the option, or add vary"
 _NEEDS_CONTINUATION = "leave it out, or use sweep: {kind: continuation}"
-# option -> kinds of sweep with that option; for others place (default: the option), message and remedy
+# option -> kinds of sweep with that option; otherwise place (default: the option), message and remedy
 _OPTIONS = {
     "workers": (("designs", "coexisting"), "vary", "is missing, but --workers applies to its cases", _NEEDS_VARY),
     "scheduler": (("designs", "coexisting"), "vary", "is missing, but --scheduler applies to its cases", _NEEDS_VARY),
@@ -57,17 +57,17 @@ _OPTIONS = {
 
 
 def swept(options: CommandOptions, own_options: Mapping[str, Any]) -> None:
-    """Sweep the frequency, follow the response or compute many cases, whichever the scenario asks for.
+    """Compute the sweep, continuation or study that the scenario requests.
 
     Parameters
     ----------
-    options : to the command.
-    own_options : by name without dashes: workers, scheduler, wait_for_workers, overlay, compare.
+    options : shared options.
+    own_options : options by name: workers, scheduler, wait_for_workers, overlay, compare.
 
     Raises
     ------
     ScenarioError
-        Where an option does not apply to the kind of sweep, and as `compute_and_save`.
+        If an option does not apply to the kind of sweep; also as `compute_and_save`.
     """
     scenario, target = load_for_command("sweep", options)
     kind = _kind(scenario)
@@ -102,7 +102,7 @@ def _sweep_sine(scenario: Scenario, target: Path, options: CommandOptions) -> No
     """Compute a swept or stepped sine, saving partial results."""
 
     def save(part: SweepResult) -> None:
-        with suppress(NotWrittenError):  # the whole result is kept elsewhere if there is still no room
+        with suppress(NotWrittenError):  # if there is still no room, the complete result is saved elsewhere
             write_result(part, target, resumed=options.resume)
 
     earlier = _partial_result(target, scenario) if options.resume else None
@@ -112,7 +112,7 @@ def _sweep_sine(scenario: Scenario, target: Path, options: CommandOptions) -> No
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with scenario.locating():
             result = with_finer_model.sweep(scenario, progress, stop=stop, save=save, resume=earlier)
-        if not result.curves:  # it was interrupted before its first cycle
+        if not result.curves:  # interrupted before its first cycle
             raise KeyboardInterrupt
         return result
 
@@ -124,12 +124,12 @@ def _sweep_sine(scenario: Scenario, target: Path, options: CommandOptions) -> No
 
 
 def _partial_result(path: Path, scenario: Scenario) -> SweepResult | None:
-    """The partial result of an interrupted sweep of the same scenario; None if there is no file.
+    """Partial result of an interrupted sweep of the same scenario; None without a file.
 
     Raises
     ------
     ResultFileError
-        If the file is of another scenario or damaged, or its parts contradict each other.
+        If the file belongs to another scenario, is damaged, or is inconsistent.
     """
     errors = []
     for file in (path, partial_file(path)):
@@ -154,19 +154,19 @@ def _partial_result(path: Path, scenario: Scenario) -> SweepResult | None:
 def continue_motions(
     scenario: Scenario, target: Path, options: CommandOptions, overlay: Sequence[Path], *, expansion: bool
 ) -> None:
-    """Follow periodic motions, add the requested overlays, save and print.
+    """Trace periodic motions, add the requested overlays, save and print.
 
     Parameters
     ----------
-    scenario : with a continuation.
-    target, options : as of `compute_and_save`.
+    scenario : scenario with a continuation.
+    target, options : see `compute_and_save`.
     overlay : files of sweeps.
-    expansion : whether to compare with the multiple-scales expansion.
+    expansion : True to compare with the multiple-scales expansion.
 
     Raises
     ------
     BeamsimError
-        As `compute_and_save`.
+        See `compute_and_save`.
     """
     stored = [(path, load(path, "sweep", whole=True)) for path in overlay]
 
@@ -186,8 +186,8 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
 
     Parameters
     ----------
-    scenario : with ``vary`` or ``optimise``.
-    target, options : as of `plot_and_print`.
+    scenario : scenario with ``vary`` or ``optimise``.
+    target, options : see `plot_and_print`.
     worker_options : workers, scheduler and wait_for_workers.
 
     Raises
@@ -195,7 +195,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
     ScenarioError, ResultFileError
         Before the computation.
     VerdictError, NotTrustedError
-        As `plot_and_print`, or if workers ended unexpectedly; the partial result is saved.
+        See `plot_and_print`; also if workers ended unexpectedly (the partial result is saved).
     """
     plan = plan_designs(scenario)
     check_cases(plan)
@@ -230,7 +230,7 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
 def _workers(
     progress: Progress, *, workers: int | None, scheduler: str | None, wait_for_workers: float | None
 ) -> dict[str, Any]:
-    """Who solves cases, as arguments of what computes them; where there are no workers, no time is estimated."""
+    """Arguments that define the workers; while there are no workers, no time is estimated."""
 
     def notify(text: str) -> None:
         progress.pause()
@@ -243,7 +243,7 @@ def _workers(
 
 @contextmanager
 def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Iterator[None]:
-    """Where the block fails or is interrupted, say how many cases are kept and how to go on.
+    """Tell how many cases are saved and how to resume, if the block fails or is interrupted.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Ite
 
 
 def _is_finished(kind: str, target: Path, options: CommandOptions, same: Callable[[Any], bool]) -> bool:
-    """Whether the file has everything that was asked for: a result that is the same; it is then printed."""
+    """True if the file has the complete requested result, which is then printed."""
     if journal_path(target).exists() or not is_result_of_kind(target, kind):
         return False
     stored: Any = load(target, kind)
@@ -273,14 +273,14 @@ def _is_finished(kind: str, target: Path, options: CommandOptions, same: Callabl
     if not same(stored):
         return False
     if not options.quiet:
-        say(f"beamsim: {target} has all of it; there is nothing to compute")
+        say(f"beamsim: {target} is complete; there is nothing to compute")
     with refusing_damage(target), interruptible() as interrupted:
         plot_and_print(kind, stored, target, options._replace(no_plots=True), interrupted)
     return True
 
 
 def _say_known(journal: Journal, cases: str, target: Path, options: CommandOptions) -> None:
-    """What of the cases an earlier call has computed."""
+    """Report the number of cases from an earlier call."""
     if not journal.outcomes:
         _say_begins(target, options)
     elif not options.quiet:
@@ -288,7 +288,7 @@ def _say_known(journal: Journal, cases: str, target: Path, options: CommandOptio
 
 
 def _say_begins(target: Path, options: CommandOptions) -> None:
-    """Say where ``--resume`` finds nothing; what a case of a result file gives is written to another file."""
+    """Report that ``--resume`` found nothing; a case from a result file is saved to another file."""
     if not options.resume or options.quiet:
         return
     of_result = options.output is None and result_stem(options) != options.case.stem
@@ -297,7 +297,7 @@ def _say_begins(target: Path, options: CommandOptions) -> None:
 
 
 def _find_coexisting(scenario: Scenario, target: Path, options: CommandOptions, **workers: Any) -> None:
-    """Find coexisting motions, each start and disturbance kept in a journal as soon as it is known."""
+    """Find coexisting motions; each outcome is saved in a journal as soon as it is known."""
     if options.resume and _is_finished("coexisting", target, options, lambda stored: stored.scenario == scenario):
         return
     path, fingerprint = journal_path(target), fingerprint_of(scenario, as_plain_data(scenario))
@@ -324,12 +324,12 @@ _DESIGNS = ("best", "design_point")
 
 
 def _design_file(target: Path, name: str) -> Path:
-    """Scenario of one of `_DESIGNS`, in the folder of the result file."""
+    """File for one of `_DESIGNS`, in the folder of the result file."""
     return target.with_name(f"{target.stem}_{name}.yaml")
 
 
 def _best_design(result: StudyResult, target: Path) -> Iterator[Path]:
-    """Write the best design of a search, or the design point of a probability, as a scenario that can be run."""
+    """Write the best design of a search, or the design point of a probability, as a scenario."""
     best = result.summary.get("best")
     point = result.summary.get("reliability", {}).get("design_point")
     for name, case in zip(_DESIGNS, (best[0] if best else None, {"parameters": point} if point else None), strict=True):

@@ -1,7 +1,7 @@
-"""The printed table of a result of any kind, made of its summary and of what the entries of the summary declare.
+"""Printed table of a result of any kind, from its summary and the declarations of the entries.
 
-Values by place are tables by section: the largest force of a snubber is in one row with its other values, each with its
-error in the convergence check. Every record, and every list of records, is a table of its own.
+Values by place form one table for each section: the largest force of a snubber is in one row with its other values,
+each with its error from the convergence check. Every record, and every list of records, is a table of its own.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from beamsim.plots.style import amount, use_units, value_text
 from beamsim.results.result import Result
 from beamsim.summaries import Entry, Plain, complete_entry, place_in_words, unit_in, words
 
-# entries about values, printed in the rows of these values
+# entries about values, which are printed with these values
 OF_VALUES = ("status", "convergence", "doubtful", "after_divergence", "peak_times_s", "peak_frequencies_hz",
              "output_unit")  # fmt: skip
 ACRONYMS = ("fdac", "frac", "mac", "psd", "srs")
@@ -29,7 +29,7 @@ Row = tuple[str, str]
 
 
 class Cell(NamedTuple):
-    """A text of a table, and where it is."""
+    """Text of a table cell, and its position."""
 
     title: str
     row: str
@@ -38,7 +38,7 @@ class Cell(NamedTuple):
 
 
 def all_rows(kind: str, result: Result) -> Iterator[Row]:
-    """Label and text of every row of a result's table: what its first screen shows, then the whole summary."""
+    """Label and text of all rows of a result's table: the first screen, then the complete summary."""
     screen = resolve_name(KINDS[kind].screen)(result)
     yield from _labelled("status", filter(None, screen.status(result)))
     yield from _labelled("understood", filter(None, [understood_of(result)]))
@@ -47,7 +47,7 @@ def all_rows(kind: str, result: Result) -> Iterator[Row]:
 
 
 def table_rows(result: Result) -> Iterator[Row]:
-    """Label and text of the rows of a summary, section by section."""
+    """Label and text of the summary rows, section by section."""
     tables: dict[str, dict[str, dict[str, str]]] = {}
     errors = Errors(result)
     for entry in (complete_entry(type(result), e) for e in type(result).SUMMARY if e.name not in OF_VALUES):
@@ -65,29 +65,29 @@ def table_rows(result: Result) -> Iterator[Row]:
 
 
 def text_table(kind: str, result: Result) -> str:
-    """Return the rows of a result's table as text, for Python's prompt, in the units of the scenario."""
+    """Table of a result as text, for the Python prompt, in the units of the scenario."""
     with use_units(result.scenario.display_scales):
         return table_text(result.title, list(all_rows(kind, result)))
 
 
 def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:
-    """A title and aligned rows on standard output, wrapped to the width of a terminal."""
+    """Print a title and aligned rows, wrapped to the width of the terminal."""
     terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     show(table_text(title, rows, terminal))
 
 
 def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None = None) -> str:
-    """A title and aligned rows.
+    """Format a title and aligned rows.
 
     Parameters
     ----------
     title : first line.
-    rows : label and text of each.
-    terminal : characters in a line at most; None for lines of any length.
+    rows : label and text of each row.
+    terminal : largest line length; None for no wrapping.
 
     Returns
     -------
-    Lines, the texts in a column.
+    Lines with aligned texts.
     """
     indent = 4 + max((len(label) for label, _ in rows), default=0)
     lines = align_columns([(f"  {label}", text) for label, text in rows], gap=2)
@@ -95,7 +95,7 @@ def table_text(title: str, rows: Sequence[tuple[str, str]], terminal: int | None
 
 
 def _wrap(row: str, indent: int, width: int | None) -> list[str]:
-    """A row in lines of at most ``width`` characters, those after the first indented, where there is room for text."""
+    """Split a row into lines of at most ``width`` characters, with later lines indented, if there is room for text."""
     # texts get at least 40 columns; narrower terminals wrap by themselves
     if width is None or len(row) <= width or width - indent < 40:
         return [row]
@@ -108,14 +108,14 @@ def _labelled(label: str, texts: Iterable[str]) -> Iterator[Row]:
 
 
 class _Printed(NamedTuple):
-    """An entry of the summary of a result as cells of tables."""
+    """Summary entry of a result as table cells."""
 
     result: Result
     entry: Entry
     errors: Errors
 
     def cells(self, value: Any, form: Any, place: tuple[str, ...] = ()) -> Iterator[Cell]:
-        """The cells of a value at a place, whose type the entry declares."""
+        """Cells of a value at a place, whose type the entry declares."""
         title, row = _heading(self.entry.name), place_in_words(self.entry.name, " ".join(place))
         if isinstance(value, Mapping) and self._by_place(value, form, place):
             of_each = (get_args(form) or (None, None))[1]
@@ -130,8 +130,8 @@ class _Printed(NamedTuple):
             yield Cell(self.entry.section or own or title, row, title, self._text(value, place))
 
     def _by_place(self, value: Mapping[str, Any], form: Any, place: tuple[str, ...]) -> bool:
-        """Whether the keys of a mapping are names of places; those of a record say what its values are."""
-        if form is None:  # that of a field of the result
+        """True if the keys of a mapping are names of places; keys of a record are names of values."""
+        if form is None:  # a field of the result
             return not place and all(isinstance(each, Mapping) for each in value.values())
         if form is Plain or not get_args(form):
             return False
@@ -153,7 +153,7 @@ class _Printed(NamedTuple):
                 yield Cell(title, row, column, self._text(value, place, keys, owner))
 
     def _records(self, title: str, records: Sequence[Mapping[str, Any]], place: tuple[str, ...]) -> Iterator[Cell]:
-        """Numbered records; of many those that the entry ranks highest."""
+        """Numbered records; of many, those that the entry ranks highest."""
         numbers: Sequence[int] = range(len(records))
         if len(records) > MOST_ROWS and self.entry.ranked_by:
             numbers = sorted(numbers, key=lambda k: -(records[k].get(self.entry.ranked_by) or 0.0))
@@ -165,20 +165,20 @@ class _Printed(NamedTuple):
     def _text(
         self, value: Any, place: tuple[str, ...], keys: tuple[str, ...] = (), record: Mapping[str, Any] | None = None
     ) -> str:
-        """A value with its unit, when a largest one is reached, and its error."""
+        """Value with its unit, the time or frequency of a maximum, and its error."""
         unit = self.result.unit_of(self.entry, place, keys, record or {})
         if self.entry.shown and isinstance(value, Sequence):
             value = value[: self.result.summary[self.entry.shown]]
         named = next((key for key in keys if unit_in(key) is not None), keys[-1]) if keys else self.entry.name
         text = value_text(named, value, unit, digits=6 if "hz" in (named[-2:], unit.lower()) else 4)
         if named == "margin" and (value == math.inf or (record or {}).get("value") == 0.0):
-            text = "infinite"  # which result files hold as not known
+            text = "infinite"  # result files store it as unknown
         at = "" if keys else self._place_text(place)
         error = self.errors.text(self.entry.name, " ".join((*place, *keys)), several=isinstance(value, list))
         return ", ".join(filter(None, (f"{text}{at}", error)))
 
     def _place_text(self, place: tuple[str, ...]) -> str:
-        """When, or at which frequency, a largest value is reached."""
+        """Time or frequency of a largest value."""
         for name, unit in (("peak_times_s", "s"), ("peak_frequencies_hz", "Hz")):
             found = self.result.summary.get(name, {}).get(self.entry.name)
             for key in place:
@@ -195,7 +195,7 @@ def _is_table(value: Any) -> bool:
 def _leaves(
     record: Mapping[str, Any], before: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], Any, Mapping[str, Any]]]:
-    """The keys of every value of a record, or records by name, the value, and the record in which it is."""
+    """Keys of every value of a record (or of records by name), the value, and its record."""
     for name, value in record.items():
         if isinstance(value, Mapping) and not _has_records(value):
             yield from _leaves(value, (*before, name))
@@ -217,7 +217,7 @@ def _by_name(value: Mapping[str, Any], before: tuple[str, ...] = ()) -> Iterator
 
 
 def _heading(*keys: str) -> str:
-    """Keys of a summary in words; paths of the scenario as they are written there."""
+    """Keys of a summary in words; paths of the scenario remain unchanged."""
     return " ".join(key if "." in key else " ".join(map(_spelt, words(key).split())) for key in keys)
 
 
@@ -226,7 +226,7 @@ def _spelt(word: str) -> str:
 
 
 def _table_lines(table: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
-    """A table as lines: a line a value where all are of one place; else as many columns side by side as fit."""
+    """Lines of a table: one line per value for a single place, else as many columns as fit."""
     if set(table) == {""}:
         rows = [(name, line) for name, text in table[""].items() for line in text.splitlines()]
         names = [name if k == 0 or rows[k - 1][0] != name else "" for k, (name, _) in enumerate(rows)]

@@ -1,4 +1,4 @@
-"""What ``warmup`` does."""
+"""Command ``warmup``: compile all kernels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from beamsim.flow.compiled import cache_folder
 from beamsim.kinds import KINDS
 from beamsim.scenario import load_scenario, template
 
-# analyses of short forms of the templates: between them they call every kernel
+# short versions of the templates that together call every kernel
 CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("run", "beam", {}),
     ("run", "random", {"run.duration": "0.1 s", "run.spectrum.last": "0.05 s"}),

@@ -106,5 +106,5 @@ def test_an_unknown_body_is_named(case, tmp_path):
 def test_a_format_that_is_only_read_is_refused(case, tmp_path):
     outcome = invoke("export-structure", case, "-o", tmp_path / "panel.pch")
     assert outcome.exit_code == 2
-    assert "panel.pch is of a format that is read, not written; give a name that ends with .op4," in outcome.stderr
+    assert "panel.pch has a format that can only be read; give a name that ends with .op4," in outcome.stderr
     assert list(tmp_path.iterdir()) == [case]

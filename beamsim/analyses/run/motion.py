@@ -399,7 +399,8 @@ def exact_motion_of(
                     observer.add(part)
     return RunMotion(
         system=system, method="exact", outcome=values.balance.check(with_limit(march.outcome, limit)),
-        source_motion=march, energy_error=values.balance.error, extremes=values.extremes, extreme_states=values.extreme_states,
+        source_motion=march, energy_error=values.balance.error,
+        extremes=values.extremes, extreme_states=values.extreme_states,
         contact_share=march.contact_share, histories=None if recorder is None else recorder.histories,
         contact=values.contact, states=None if states is None else states.states,
         low_passed=None if values.low_passed is None else values.low_passed.values,
