@@ -1,4 +1,4 @@
-"""The first screens of identifications and of comparisons with measurements."""
+"""First screens of identifications and of comparisons with measurements."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from beamsim.scenario.base import count_text
 
 
 def identification_screen(result: IdentificationResult) -> Screen:
-    """What was found with its interval, and how well the model then has the measured frequencies."""
+    """Identified values with intervals, and the remaining differences of the frequencies."""
     rows, s = [], result.summary
     if "stiffness" in result.datasets:
         estimate, std = result["stiffness"], s["standard_deviation_n_per_m"]
@@ -41,7 +41,7 @@ def identification_screen(result: IdentificationResult) -> Screen:
 
 
 def _estimate_text(value: float, unit: str, deviation: float) -> str:
-    """A value to the digits that its standard deviation supports."""
+    """Value to the digits that its standard deviation supports."""
     known = math.isfinite(deviation) and deviation > 0.0 and value
     return round_with_unit(value, unit, max(round(math.log10(abs(value) / deviation)) + 2, 1) if known else 4)
 
@@ -56,14 +56,14 @@ def _scatter(deviation: float, interval: Sequence[float], unit: str, coverage: f
 
 
 def _agreement(tables: Mapping[str, Dataset]) -> str:
-    """How far the largest measured frequency is from the model, with and without the stop."""
+    """Largest difference of measured frequencies from the model, with and without the stop."""
     worst = {name: np.nanmax(np.abs(table["difference_percent"].values)) for name, table in tables.items()}
     within = " and ".join(f"{value:.2g} % {name}" for name, value in worst.items())
     return f"frequencies within {within}" if within else ""
 
 
 def _facts(result: IdentificationResult, tables: Mapping[str, Dataset]) -> Iterator[str]:
-    """Frequencies, misfits and what the values depend on."""
+    """Frequencies, misfits and sensitivities."""
     s, datasets = result.summary, result.datasets
     for name, table in tables.items():
         computed, measured = (value_text("_hz", table[f"{of}_hz"].values.tolist()) for of in ("predicted", "measured"))
@@ -86,7 +86,7 @@ def _facts(result: IdentificationResult, tables: Mapping[str, Dataset]) -> Itera
 
 
 def _facts_of_fit(tests: Dataset, summary: Mapping[str, Any]) -> Iterator[str]:
-    """Which test a fit agrees with least, and how many starts led to it."""
+    """Test with the worst agreement, and number of starts that reached the minimum."""
     without, misfit = tests["misfit_without"].values, summary["nonlinear_misfit"][1]
     if np.isfinite(without).any() and misfit > 0.0:
         worst = int(np.nanargmin(without))
@@ -120,7 +120,7 @@ def _parameters(result: IdentificationResult, fit: Dataset) -> list[dict[str, st
 
 
 def comparison_screen(result: Comparison) -> Screen:
-    """By channel the first harmonic, or the highest peak of a sweep, measured and computed."""
+    """First harmonic of each channel, or highest peak of a sweep, measured and computed."""
     rows = []
     for c in result.channels[:MOST_ROWS]:
         rows.append({"": f"{c.place} {c.quantity.replace('_', ' ')}"})
@@ -157,7 +157,7 @@ def comparison_screen(result: Comparison) -> Screen:
 
 
 def modes_screen(result: ModeComparison) -> Screen:
-    """The pairs of modes."""
+    """Pairs of modes."""
     s, modes = result.summary, result["compared_modes"]
     lowest, apart = f"{s['lowest_mac']:.3f}", percent(s["largest_difference"])
     verdict = f"contacts {modes['contacts'].item()}, lowest MAC {lowest}, frequencies within {apart}"

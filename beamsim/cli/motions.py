@@ -1,4 +1,4 @@
-"""The first screens of runs and sweeps."""
+"""First screens of runs and sweeps."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def _output_peaks(result: RunResult, errors: Errors) -> Iterator[str]:
 
 
 def _inputs(result: RunResult, _: Errors) -> Iterator[str]:
-    """Inputs that were changed before they act: clipped, filtered, corrected."""
+    """Inputs that were modified: clipped, filtered, corrected."""
     rows = result["inputs"].rows("number")
-    stated = {row["path"] for row in rows if row["treatment"]}  # sizes are in the line of what was understood
+    stated = {row["path"] for row in rows if row["treatment"]}  # sizes are in the line with the interpretation
     yield from (f"{path}: {text}" for path, text in input_texts(result).items() if path in stated)
 
 
@@ -87,7 +87,7 @@ def _largest_of_test(result: RunResult, _: Errors) -> Iterator[str]:
     signals = sorted(random.rows("signal")[1:], key=lambda of: (not compared(of), of["quantity"] != "force"))
     largest = [f"{of['name']} {words(of['quantity'])} {text}" for of in signals if (text := _expected_peak(of))]
     if largest:
-        shown = max(SHOWN, sum(map(compared, signals)))  # all that a limit is compared with
+        shown = max(SHOWN, sum(map(compared, signals)))  # all values with limits
         yield f"largest in {amount(random['test_duration_s'].item(), 's')} of test: {first_of(largest, shown)}"
     yield from limits_in_test(result)
 
@@ -119,11 +119,11 @@ OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Errors], Iterable[str]]] = {
     "sensitivities": _sensitivities,
     "fatigue": _fatigue,
 }
-"""Lines of what only some runs have, by entry of the summary."""
+"""Lines that only some runs have, by entry of the summary."""
 
 
 def input_texts(result: RunResult) -> dict[str, str]:
-    """By path of the excitation the size of a random input or record, its sampling, and how it was made."""
+    """Size of a random input or record, sampling and treatment, by path in the excitation."""
     texts = {}
     for row in result["inputs"].rows("number"):
         band = f", {row['from_hz']:.4g} to {row['to_hz']:.4g} Hz" if is_known(row["from_hz"]) else ""
@@ -135,9 +135,9 @@ def input_texts(result: RunResult) -> dict[str, str]:
 
 
 def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
-    """By value how it changes with the tolerance of each number, the largest change first.
+    """Changes of each value over the tolerance of each number, the largest first.
 
-    Where another extreme takes over, it changes otherwise where the number is smaller.
+    If another extreme takes over, the change for smaller numbers is different and is listed, too.
     """
     texts: dict[str, list[str]] = {}
 
@@ -158,7 +158,7 @@ def sensitivity_texts(result: RunResult) -> dict[str, list[str]]:
 
 
 def _expected_peak(signal: Mapping[str, Any]) -> str:
-    """Largest value of a test with its interval; empty where there is none."""
+    """Largest value of a test with its interval; empty if there is none."""
     if not is_known(signal.get("expected_peak")):
         return "not reliable" if signal.get("expected_peak_unknown") else ""
     names = ("expected_peak", "expected_peak_low", "expected_peak_high")
@@ -167,7 +167,7 @@ def _expected_peak(signal: Mapping[str, Any]) -> str:
 
 
 def _place(s: Mapping[str, Any], errors: Errors, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
-    """The row of a probe, of a snubber, or of both."""
+    """Row of a place: a probe, a snubber, or both."""
     headings = "", "peak force", "peak moment", "in contact, times", "displacement", "acceleration"
     row = dict.fromkeys(headings, "") | {"": name}
     for heading, entry, unit in (("peak force", "peak_force_n", "N"), ("peak moment", "peak_moment_n_m", "N m")):
@@ -188,7 +188,7 @@ def _place(s: Mapping[str, Any], errors: Errors, name: str, limits: Mapping[str,
 
 
 def sweep_screen(result: SweepResult) -> Screen:
-    """The largest values of each curve, with their frequency and place."""
+    """Largest values of each curve, with frequency and place."""
     s, errors = result.summary, Errors(result)
     of = (
         ("peak_force_n", "force", "N", "peak force"), ("peak_displacement_m", "displacement", "m", "displacement"),
@@ -218,13 +218,13 @@ def sweep_screen(result: SweepResult) -> Screen:
 
 
 def _curve_text(curve: SweepCurve) -> str:
-    """Direction and level of a curve: up, 2 g."""
+    """Direction and level of a curve, such as ``up, 2 g``."""
     level = scale_for(curve.level_unit, curve.level)
     return f"{curve.direction}, {curve.level * level.factor:.4g} {level.unit}".rstrip()
 
 
 def _exceeded_in(result: SweepResult) -> Iterator[str]:
-    """Of several curves those that exceed each limit, whose largest value is that of one of them."""
+    """Curves that exceed each limit, if there are several curves."""
     for name, of in result.summary.get("margins", {}).items() if len(result.curves) > 1 else ():
         value, place = parse_limit(name)
         by_curve = result.summary.get(value.entry, {})
@@ -238,7 +238,7 @@ def _exceeded_in(result: SweepResult) -> Iterator[str]:
 
 
 def in_gravities(curve: SweepCurve) -> str:
-    """The acceleration of the base along a curve, in g, for the text behind its level; empty of a force."""
+    """Base acceleration along a curve in g, as an addition to its level; empty for a force."""
     if curve.excitation_unit != "m/s^2":
         return ""
     sizes = np.abs(curve.excitation_amplitude) / STANDARD_GRAVITY
@@ -247,17 +247,17 @@ def in_gravities(curve: SweepCurve) -> str:
 
 
 def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
-    """Where a curve has its largest value, for the text behind it.
+    """Frequency of the largest value of a curve, as an addition to the value.
 
     Parameters
     ----------
-    curve : of the sweep.
+    curve : curve of the sweep.
     quantity : displacement, absolute_acceleration or force.
-    name : of the probe or snubber.
+    name : name of the probe or snubber.
 
     Returns
     -------
-    Text; empty where nothing moves, or nothing is known of the place.
+    Text; empty if nothing moves, or the place is unknown.
     """
     if name not in curve.places(quantity):
         return ""
@@ -274,7 +274,7 @@ def at_frequency(curve: SweepCurve, quantity: str, name: str) -> str:
 
 
 def _output_lines(result: SweepResult, errors: Errors) -> Iterator[str]:
-    """By curve and output its peak, what it is and where."""
+    """Peak of each output, with its quantity and frequency, by curve."""
     for curve, peaks in result.summary.get("peak_output", {}).items():
         for name, peak in peaks.items():
             output = result["cycles"].sel(output=name)
@@ -284,7 +284,7 @@ def _output_lines(result: SweepResult, errors: Errors) -> Iterator[str]:
 
 
 def notch_texts(result: SweepResult) -> dict[str, str]:
-    """By curve and limit the largest value, then the ranges in which the level is lowered."""
+    """Largest value for each limit, and the ranges with a lowered level, by curve."""
     rows = {}
     for curve in result.curves.values():
         notching = curve.notching

@@ -1,7 +1,7 @@
-"""The first screen of a result: what an engineer decides by. The rest is behind ``--verbose`` and in ``info``.
+"""First screen of a result: a short summary for decisions. The rest is printed by ``--verbose`` and ``info``.
 
-It has a title with the outcome and how sure it is, one table of places, curves, branches, cases or parameters, a few
-lines of what decides, and the files. A function for each kind of result chooses what is shown (`beamsim.kinds`).
+It has a title with the outcome and its reliability, one table of places, curves, branches, cases or parameters, a few
+important lines, and the files. One function for each kind of result makes it (`beamsim.kinds`).
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from beamsim.scenario.scenario import USED_SECTIONS
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import value_in_words
 
-SHOWN = 4  # of what there may be many of: outputs, levels of contacts, cases
-DIGITS = 3  # at most; fewer where the last ones would be smaller than the second digit of the error
-WIDTH = 160  # characters, above which records stand side by side instead of below each other
+SHOWN = 4  # items of long lists: outputs, contact levels, cases
+DIGITS = 3  # largest number of digits; fewer if the last ones are below the second digit of the error
+WIDTH = 160  # characters, above which records are printed side by side
 MOST_ROWS = 24  # of a table
 NONE = "-"
 SMALLEST_ERROR = 1e-6  # relative; less cannot be distinguished from round-off
 NO_LIMIT = "no limit: grows with the number of modes"
-ONE_OF_MANY = "one of many motions"  # what depends on the motion after its contact sequences diverge
+ONE_OF_MANY = "one of many motions"  # value that depends on the motion after its contact sequences diverge
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Screen:
         return "\n".join([*lines, f"{notes}{', '.join([*others, *plots])}"])
 
     def status(self, result: Result) -> list[str]:
-        """What the outcome comes to and how sure the result is; then how the computation ended, if early."""
+        """Outcome and reliability of the result; then the reason for an early end, if any."""
         outcome = result.outcome
         doubtful = first_of_keys(result, result.summary.get("doubtful", ()))
         worth = EXIT_RULES[outcome.gravest_kind].first_line
@@ -80,7 +80,7 @@ class Screen:
         return [verdict, *(f"{text[:1].upper()}{text[1:]}" for text in statements)]
 
     def body(self) -> list[str]:
-        """The table, without headings under which nothing is, and the lines below it."""
+        """The table without empty columns, and the lines below it."""
         names = dict.fromkeys(name for row in self.rows for name in row)
         headings = [name for name in names if any(row.get(name) for row in self.rows)]
         cells = [headings, *([row.get(name) or NONE for name in headings] for row in self.rows)]
@@ -88,19 +88,19 @@ class Screen:
 
 
 def align_columns(rows: Sequence[Sequence[str]], gap: int = 3) -> list[str]:
-    """Rows of cells as lines, the cells in columns."""
+    """Join rows of cells to lines with aligned columns."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
     between = " " * gap
     return [between.join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
 def more_rows(count: int) -> list[dict[str, str]]:
-    """What is below the first rows of a table of so many."""
+    """Row that replaces the rest of a table with ``count`` rows."""
     return [{"": f"and {count - MOST_ROWS} more in the file"}] if count > MOST_ROWS else []
 
 
 def first_of_keys(result: Result, keys: Iterable[str]) -> list[str]:
-    """Those of ``entry.place`` of a summary that a user reads first."""
+    """Keys ``entry.place`` of a summary that are most important for a user."""
     modes = result.datasets.get("modes")
     return [key for key in keys if is_main_value(result.scenario, modes, key)]
 
@@ -109,11 +109,11 @@ _WITHOUT_LIMIT = "has no limit: it grows with the number of modes, because a for
 
 
 class Errors:
-    """The errors of the values of a summary, from a finer model, as their numbers show them and as text.
+    """Errors of the values of a summary, from a finer model, for rounding, marks and text.
 
     Parameters
     ----------
-    result : whose values are printed.
+    result : result with the values.
     """
 
     def __init__(self, result: Result) -> None:
@@ -130,18 +130,18 @@ class Errors:
         self._printed: set[tuple[str, str]] = set()
 
     def number(self, value: float, unit: str, entry: str, place: str = "", size: float | None = None) -> str:
-        """A number with its unit, to the second digit of its error, with a mark of a doubt.
+        """Number with its unit, to the second digit of its error, with a mark if it is doubtful.
 
         Parameters
         ----------
-        value : in ``unit``.
+        value : value in ``unit``.
         unit : SI, or g.
-        entry, place : of the summary, whose error counts.
-        size : magnitude that chooses prefix and decimals, by default that of the value.
+        entry, place : key of its error in the summary.
+        size : magnitude for prefix and decimals; by default that of the value.
 
         Returns
         -------
-        Text, with a mark where the value is doubtful or of one of many motions.
+        Text, with a mark if the value is doubtful, of one of many motions, or unbounded.
         """
         if not is_known(value):
             return "unknown"
@@ -149,13 +149,13 @@ class Errors:
         return round_with_unit(value, unit, digits, size) + self.mark(entry, place)
 
     def mark(self, entry: str, place: str = "") -> str:
-        """The mark of a value that is printed: of a doubt, of one of many motions, or of no limit; else empty."""
+        """Mark of a printed value: doubtful, of one of many motions, or without a limit; else empty."""
         key = entry, place
         self._printed.add(key)
         return " ^" if key in self._unlimited else " *" if key in self._doubtful else " ~" if key in self._after else ""
 
     def legend(self) -> Iterator[str]:
-        """What the marks of the numbers mean."""
+        """Explanations of the used marks."""
         if self._printed & (self._doubtful - self._unlimited):
             yield f"* off by more than {100 * ALLOWED_ERROR:g} %"
         if self._printed & (self._after - self._doubtful - self._unlimited):
@@ -166,7 +166,7 @@ class Errors:
             yield f"^ {_WITHOUT_LIMIT}: give {low_pass}a damping of the body, or a point mass there"
 
     def verdict(self) -> str:
-        """Whether the numbers of a result that is complete can be trusted, in a few words."""
+        """Reliability of the values of a complete result, in a few words."""
         summary = self._result.summary
         model = summary.get("convergence_model") or {"reason": "not known"}
         keys = {".".join(key): key for key in self._printed - self._unlimited}
@@ -177,7 +177,7 @@ class Errors:
         apart = ", but for what is marked ^" if marked else ""
         scatter = f", {count_text(len(means), 'mean')} within the standard error" if means else ""
         if EXIT_RULES[self._result.outcome.gravest_kind].first_line:
-            verdict = ""  # the title says it
+            verdict = ""  # the title has it
         elif model["reason"]:
             verdict = f"not checked with a finer model ({model['reason']})"
         elif not model["modes"]:
@@ -190,14 +190,14 @@ class Errors:
         return ", ".join(filter(None, (verdict, f"energy error {balance:.0e}" if is_known(balance) else "")))
 
     def text(self, entry: str, place: str, *, several: bool = False) -> str:
-        """The error of a value in words; of a list of several the largest."""
+        """Error of a value as text; of several values the largest."""
         keys = {key for key in self._known if key[0] == entry} if several and not place else {(entry, place)}
         self._printed |= keys
         error = max((self._known[key] for key in keys if key in self._known), default=None)
         after = bool(keys & self._after)
         if keys & self._unlimited:
             return f"NOT CONVERGED, {NO_LIMIT}" if keys & self._doubtful else NO_LIMIT
-        if error is None:  # without a finer model the motion may be one of many, too
+        if error is None:  # the motion may be one of many even without a finer model
             return ONE_OF_MANY if after else ""
         size = f"error {percent(error, 2 if error < 0.995 else 3)}"
         if error < SMALLEST_ERROR:
@@ -209,19 +209,19 @@ class Errors:
         return f"{ONE_OF_MANY}, {size}" if after else size
 
     def others(self) -> Iterator[tuple[str, str]]:
-        """The errors of values that the summary holds in another form, such as lines of spectra."""
+        """Errors of values that the summary contains in another form, such as spectral lines."""
         for entry, place in [*self._known, *sorted(self._after - set(self._known))]:
             if (entry, place) not in self._printed:
                 yield value_in_words(f"{entry}.{place}" if place else entry), self.text(entry, place)
 
 
 def significant_digits(value: float, error: float) -> int:
-    """How many digits of a value are printed: up to the second one of its error, at most `DIGITS`.
+    """Number of printed digits of a value: up to the second digit of its error, at most `DIGITS`.
 
     Parameters
     ----------
     value : in any unit.
-    error : relative.
+    error : relative error.
 
     >>> significant_digits(197.66, 0.033), significant_digits(197.66, 0.6), significant_digits(0.0, 0.1)
     (3, 2, 3)
@@ -233,14 +233,14 @@ def significant_digits(value: float, error: float) -> int:
 
 
 def round_with_unit(value: float, unit: str, digits: int = DIGITS, size: float | None = None) -> str:
-    """A value with as many decimals as its size has in so many digits, and with its unit.
+    """Value with its unit, and with the decimals that its size has at a number of digits.
 
     Parameters
     ----------
-    value : in ``unit``.
+    value : value in ``unit``.
     unit : SI, or g.
     digits : significant digits.
-    size : magnitude that chooses prefix and decimals, by default that of the value.
+    size : magnitude for prefix and decimals; by default that of the value.
 
     Returns
     -------
@@ -255,7 +255,7 @@ def round_with_unit(value: float, unit: str, digits: int = DIGITS, size: float |
 
 
 def limits_by_place(result: Result) -> dict[str, list[str]]:
-    """By place the verdict on each limit, with its margin."""
+    """Verdict and margin of each limit, by place."""
     compared, verdicts = result.summary.get("margins", {}), dict[str, list[str]]()
     for name, of in zip(compared, margins(result, compared).values(), strict=True):
         limit, _, place = name.partition(".")
@@ -265,24 +265,24 @@ def limits_by_place(result: Result) -> dict[str, list[str]]:
 
 
 def limit_lines(result: Result, shown: Sequence[str] = ()) -> Iterator[str]:
-    """A line for each limit, with the place of its value; none of places that are shown already."""
+    """A line for each limit with the place of its value, except for places in ``shown``."""
     for at, texts in limits_by_place(result).items():
         yield from (f"{text}{f' at {at}' if at else ''}" for text in texts if at not in shown)
 
 
 def understood_of(result: Result) -> str:
-    """What was understood of the case of a result, in a line."""
+    """Interpretation of the scenario of a result, in one line."""
     command = KINDS[result.KIND].command
     if command not in USED_SECTIONS:
-        return ""  # it compares a result with measurements
+        return ""  # a comparison with a measurement
     inputs = result["inputs"].rows("number") if "inputs" in result.datasets else ()
     return interpretation(result.scenario, result.datasets.get("modes"), {row["path"]: row for row in inputs}, command)
 
 
 def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
-    """From which level on the linear motion first opens or closes snubbers, where that is not with every motion.
+    """Levels at which the linear motion first opens or closes snubbers, unless every motion does.
 
-    Where the level of a test differs between frequencies, it says also where the test comes closest to that.
+    If the level of a test depends on frequency, the text also says where the test comes closest to it.
     """
     names: dict[str, list[str]] = {}
     closest = result.summary.get("closest_to_test", {})
@@ -298,13 +298,13 @@ def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
 
 
 def _closest(result: Result, of: Mapping[str, Any], lowest: Mapping[str, Any]) -> str:
-    """Where a test whose level differs between frequencies comes closest to opening or closing a contact.
+    """Closest approach of a test with varying level to opening or closing a contact, as text.
 
     Parameters
     ----------
-    result : of the test.
-    of : its level, share of the level of the test and frequency, or what happens first.
-    lowest : the same of the lowest level, which the sentence begins with.
+    result : result of the test.
+    of : its level, share of the test level and frequency, or the first event.
+    lowest : the same for the lowest level, with which the sentence begins.
     """
     share = of["share_of_level"]
     if "not_predicted" in of:
@@ -323,7 +323,7 @@ def _closest(result: Result, of: Mapping[str, Any], lowest: Mapping[str, Any]) -
 
 
 def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
-    """By limit: margin, value with its place, and limit."""
+    """Margin, value with its place, and limit, by limit."""
     return {
         limit_label(name): {
             "margin": margin_text(item["margin"], item["value"], item.get("margin_db"))
@@ -338,13 +338,13 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
 
 
 def _without_limit_mark(result: Result, limit: str) -> str:
-    """The mark of a limit on values that have none as the modes grow; else empty."""
+    """Mark of a limit on values that diverge as the number of modes grows; else empty."""
     keys = (key.partition(".") for key in result.summary.get("without_limit") or ())
     return " ^" if any(limits(limit, entry, place) for entry, _, place in keys) else ""
 
 
 def limits_in_test(result: Result) -> Iterator[str]:
-    """Which value of a test with a random input each limit is compared with, and how long a run decides."""
+    """Value of a random test that each limit is compared with, and the run duration that would decide."""
     alike: dict[str, list[str]] = {}
     for name, item in result.summary.get("margins", {}).items():
         if "statistic" in item:
@@ -361,21 +361,21 @@ def limits_in_test(result: Result) -> Iterator[str]:
             yield f"{limit_label(name)} undecided: {low} to {high} at 95 %, the limit {limit} between them; {after}"
 
 
-SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian one passes them once in about a million cycles
+SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian process exceeds them about once in a million cycles
 
 
 def linear_prediction(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
-    """What the linear motion does to a contact, and whether it is known to change it at the level here.
+    """Predicted contact change in linear motion, and whether it happens at the present level.
 
     Parameters
     ----------
-    result : of which a summary is printed.
-    of : the entry of a snubber in its ``gapping``.
+    result : printed result.
+    of : entry of a snubber in its ``gapping``.
     """
     if "not_predicted" in of:
         return f"not predicted: {of['not_predicted']}", False
     verb = "opens" if of["closed_at_rest"] else "touches"
-    if "sigmas" in of:  # of a random input
+    if "sigmas" in of:  # a random input
         reached = of["sigmas"] < SIGMAS_REACHED
         rare = "" if reached else ", rarely or never"
         if not of["sigmas"]:
@@ -398,7 +398,7 @@ def linear_prediction(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]
 
 
 def _level(result: Result, of: Mapping[str, Any]) -> str:
-    """A predicted level in the quantity of the excitation; of a sine that moves the base also its acceleration."""
+    """Predicted level in the quantity of the excitation; for a sine of the base also its acceleration."""
     quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
     level, acceleration = of["level"], ""
     if quantity == FACTOR:

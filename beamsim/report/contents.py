@@ -1,4 +1,4 @@
-"""What a page says about a result: two pages with question, model, limits, answer and how sure it is; an appendix."""
+"""Contents of the page about a result: two pages with question, model, limits and answer, and an appendix."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ FIRST = (
     "srs", "random", "displacement", "response_.*", "contact(_force.*)?", "backbone|frequency_energy", "maps|slices",
     "acceleration", "spectrum",
 )  # fmt: skip
-"""Names of pictures in the order in which they matter."""
+"""Names of pictures, the most important ones first."""
 METHODS = {
     "exact": "Closed form between contacts, without a time step. The search for the next contact event is certified: "
     "bounds exclude that a contact is passed over.",
@@ -60,7 +60,7 @@ CHECKS = {
     "the appendix",
     "exact and reference": "the same case integrated in time by SciPy",
 }
-"""By label of the printed table what a row says about the other values."""
+"""Meaning of rows of the printed table for the reliability of the others, by label."""
 HOW_TO_READ = (
     '<p class="note screen">Drag to zoom, double-click to go back, click a name in a legend to hide its curve. '
     "Long curves are thinned to what a screen shows; the result file has every point.</p>"
@@ -68,11 +68,11 @@ HOW_TO_READ = (
 
 
 class Printed(NamedTuple):
-    """What the command line prints of a result."""
+    """Output of the command line for a result."""
 
-    screen: str  # first
+    screen: str  # first screen
     rows: Sequence[tuple[str, str]]  # of its table
-    limits: Mapping[str, Mapping[str, str]]  # the margin, value, place and verdict of each
+    limits: Mapping[str, Mapping[str, str]]  # margin, value, place and verdict of each limit
 
 
 def page_of(
@@ -83,7 +83,7 @@ def page_of(
     sketch: Sketch | None,
     scene: Scene | None,
 ) -> Page:
-    """The page of a result.
+    """Build the page of a result.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def page_of(
 
 
 def verdict_of(result: Result) -> FirstLine:
-    """Limits first, then whether the numbers can be trusted."""
+    """Overall verdict: first the limits, then the reliability of the values."""
     margins = result.summary.get("margins") or {}
     standing = EXIT_RULES[result.outcome.gravest_kind]
     reasons = [str(result.outcome.in_display_units(scale_for))] if standing.first_line else []
@@ -170,7 +170,7 @@ def _question(result: Result, scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
-    """The pictures that matter most, of each the first panel."""
+    """First panels of the most important pictures."""
     ranks = {name: next((k for k, x in enumerate(FIRST) if fullmatch(x, name)), len(FIRST)) for name in figures}
     chosen = sorted(figures, key=lambda name: ranks[name])[:3]
     return [
@@ -179,7 +179,7 @@ def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
 
 
 def _reliability_rows(result: Result, rows: Iterable[tuple[str, str]]) -> Iterator[list[str]]:
-    """How the computation ended, by which method, and the printed rows that say how sure the others are."""
+    """Outcome, method, and the printed rows about the reliability of the values."""
     yield ["outcome", str(result.outcome.in_display_units(scale_for)) or "complete", "how the computation ended"]
     method, label = str(result.summary.get("method", "")), ""
     if method:
@@ -209,7 +209,7 @@ def _stop(stop: SnubberNumbers) -> list[str]:
 
 
 def _bodies(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """What each body is given by, its numbers with their units."""
+    """Given properties of each body, with units."""
     for name, body in scenario.all_bodies.items():
         yield name, ", ".join(_stated_properties(body))
 
@@ -236,7 +236,7 @@ def _stated_properties(body: Any) -> Iterator[str]:
 
 
 def _trust(result: Result) -> Iterator[str]:
-    """The warnings, and the errors of all values."""
+    """Warnings, and the errors of all values."""
     yield label_rows(("" if k else "warnings", text) for k, text in enumerate(result.warnings))
     doubtful = set(result.summary.get("doubtful") or ())
     known = sorted(numbers_by_place(result.summary.get("convergence") or {}), key=lambda each: -each[1])

@@ -14,12 +14,12 @@ from beamsim.plots.drawing import Axis, Chart, Curve, HeatMap, Picture, curve_st
 from beamsim.plots.style import Scale, scale_for
 from beamsim.typing import Floats
 
-MOST_POINTS = 3000  # of a curve
-MOST_TICKS = 8  # of an axis that counts
+MOST_POINTS = 3000  # points of a curve
+MOST_TICKS = 8  # ticks of an axis of counts
 
 
 def interactive(picture: Picture) -> list[dict[str, Any]]:
-    """The panels of a picture; none where one is neither chart nor map, or a curve too long cannot be thinned."""
+    """Panels of a picture; empty if a panel is neither chart nor map, or a long curve cannot be thinned."""
     described: list[dict[str, Any]] = []
     for panel in picture.panels:
         if isinstance(panel, HeatMap):
@@ -32,12 +32,12 @@ def interactive(picture: Picture) -> list[dict[str, Any]]:
 
 
 def _readable(curve: Curve) -> bool:
-    """Whether few points show it: those of a loop are no extremes."""
+    """True if few points represent the curve; loops cannot be thinned by their extremes."""
     return curve.x.size <= MOST_POINTS or thin_out(curve.x, curve.y, MOST_POINTS)[0].size < curve.x.size
 
 
 def plot(chart: Chart) -> dict[str, Any]:
-    """A chart as data and layout for plotly; levels that curves are compared with are lines across it."""
+    """Data and layout of a chart for plotly; limits are drawn as horizontal lines."""
     x, y = chart.scales
     drawn = [*chart.drawn, *chart.marks]
     ends = [float(pick(c.x)) for pick in (np.min, np.max) for c in drawn if c.x.size]
@@ -51,7 +51,9 @@ def plot(chart: Chart) -> dict[str, Any]:
         line = {"color": colour, "width": 1.5}
         if not isinstance(dashes, str):
             line["dash"] = ",".join(f"{2 * each:g}px" for each in dashes[1])
-        group = without_html(curve.label) or (data[-1]["legendgroup"] if data else "")  # parts of one curve follow it
+        group = without_html(curve.label) or (
+            data[-1]["legendgroup"] if data else ""
+        )  # further parts of a curve follow it
         mode = "lines" if not style.get("marker") else "markers" if dashes == "none" else "lines+markers"
         thin = thin_out(curve.x, curve.y, MOST_POINTS)
         data.append(
@@ -75,7 +77,7 @@ def plot(chart: Chart) -> dict[str, Any]:
 
 
 def heat_map(panel: HeatMap) -> dict[str, Any]:
-    """Values over two axes as data and layout for plotly, which JSON can hold."""
+    """Data and layout of a map for plotly, in a form that JSON can hold."""
     axes = ((panel.across, panel.x), (panel.up, panel.y), (panel.z_axis, panel.values))
     x, y, of = (_scale(axis, known) for axis, known in axes)
     labels = [with_unit(words, scale) for ((words, _), _), scale in zip(axes, (x, y, of), strict=True)]
@@ -106,10 +108,10 @@ def _layout(xlabel: str, ylabel: str, log: str) -> dict[str, Any]:
 
 
 def numbers(values: Floats, digits: int = 6) -> list[float | None]:
-    """Plain numbers with so many digits; None where there is none."""
+    """Plain numbers with a number of digits; None for missing ones."""
     return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in np.asarray(values, float)]
 
 
 def without_html(text: str) -> str:
-    """A text for plotly, which reads a little HTML."""
+    """Text with HTML escaped, since plotly interprets some of it."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("\n", "<br>")

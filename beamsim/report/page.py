@@ -1,7 +1,7 @@
-"""One page about one result: it holds everything that it shows and opens without a network.
+"""HTML page about one result, which is self-contained and needs no network.
 
-A page begins with two that a customer reads: verdict, question, model and limits; summary, three pictures, and how sure
-that is. An appendix follows. The library that draws the plots is in the page once, compressed.
+The first two printed pages are for a customer: verdict, question, model and limits; then summary, three pictures, and
+reliability. An appendix follows. The plotting library is embedded once, compressed.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from beamsim.plots.drawing import Picture, write
 
 @dataclass(frozen=True)
 class FirstLine:
-    """What a reader is to know first."""
+    """Verdict at the top of the page."""
 
-    kind: str  # good, bad, doubt, or empty where nothing is judged
+    kind: str  # good, bad, doubt, or empty without a verdict
     text: str
     reasons: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
 class Cells:
-    """A table with a heading; cells that begin with a sign of `MARKS` are coloured."""
+    """Table with a heading; cells that begin with a sign of `MARKS` are coloured."""
 
     heading: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -45,7 +45,7 @@ class Cells:
 
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-"""What a browser may load for a page: nothing but what is in it."""
+"""Content security policy: a browser loads only what is in the page."""
 NOTE = (
     "Deflection relative to the base, magnified to the scale shown, with the shape functions of the model; slow around "
     "contact. A stop is red and thick while it presses."
@@ -55,7 +55,7 @@ MARKS = {"+ ": "good-cell", "! ": "bad-cell"}
 
 @dataclass
 class Page:
-    """The contents of a page; sections come in the order in which they are added."""
+    """Contents of a page, with sections in the order of their addition."""
 
     title: str
     about: str
@@ -66,12 +66,12 @@ class Page:
     appendix: str = ""  # heading of its first section
 
     def add(self, heading: str, *parts: str) -> None:
-        """A section of parts in HTML; none where all are empty."""
+        """Add a section of HTML parts, unless all are empty."""
         if any(parts):
             self.sections.append((heading, "\n".join(part for part in parts if part)))
 
     def plot(self, name: str, panels: Sequence[dict[str, Any]], columns: int) -> str:
-        """Plots that can be zoomed, by their descriptions for plotly; in so many columns."""
+        """Zoomable plots in a number of columns, from their plotly descriptions."""
         first = len(self.plots)
         self.plots += panels
         places = "".join(
@@ -81,12 +81,12 @@ class Page:
         return caption_plot(name, f'<div class="pair">{places}</div>' if columns > 1 else places)
 
     def animated(self, scene: dict[str, Any], note: str) -> str:
-        """A canvas that plays a scene; a page has one. Returns the HTML."""
+        """Canvas that plays a scene (one per page), as HTML."""
         self.animation = scene
         return player_html(scene, note)
 
     def html(self) -> str:
-        """The whole page."""
+        """Complete page."""
         marks = "".join(f'<a href="#s{k}">{escape(name)}</a>' for k, (name, _) in enumerate(self.sections))
         reasons = "".join(f"<li>{escape(text)}</li>" for text in self.verdict.reasons)
         body = [
@@ -140,7 +140,7 @@ def document(title: str, body: str, scripts: Iterable[str]) -> str:
 
 
 def player_html(scene: Mapping[str, Any], note: str) -> str:
-    """The canvas and its controls."""
+    """HTML of the canvas and its controls."""
     *_, low, high = scene["limits"]
     height = round(min(max(560 * (high - low) / 2.2, 260), 700))
     speeds = "".join(
@@ -156,7 +156,7 @@ def player_html(scene: Mapping[str, Any], note: str) -> str:
 
 
 def animation_page(scene: Scene) -> str:
-    """The HTML file, which opens without a network."""
+    """Self-contained HTML file of an animation."""
     described = scene.as_json()
     body = f"<main><h1>{escape(scene.title or 'Motion')}</h1>{player_html(described, NOTE)}</main>"
     data = script_json({"plots": [], "animation": described})
@@ -168,7 +168,7 @@ def animation_page(scene: Scene) -> str:
 
 
 def table(cells: Cells) -> str:
-    """A table as HTML."""
+    """HTML of a table."""
     title = f"<h3>{escape(cells.title)}</h3>" if cells.title else ""
     heading = "".join(f"<th>{escape(text)}</th>" for text in cells.heading)
     rows = "".join("<tr>" + "".join(_cell(text) for text in row) + "</tr>" for row in cells.rows)
@@ -182,7 +182,7 @@ def _cell(text: str) -> str:
 
 
 def label_rows(rows: Iterable[tuple[str, str]]) -> str:
-    """Rows of a printed table, label and text, as HTML."""
+    """HTML of the rows (label and text) of a printed table."""
     lines = "".join(
         f'<tr><td class="label">{escape(label)}</td><td class="text">{escape(text)}</td></tr>' for label, text in rows
     )
@@ -190,12 +190,12 @@ def label_rows(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def preformatted_html(text: str) -> str:
-    """A text as it stands."""
+    """HTML of preformatted text."""
     return f"<pre>{escape(text)}</pre>"
 
 
 def picture(drawn: Picture, name: str) -> str:
-    """A picture within the page."""
+    """HTML of an embedded picture."""
     stream = BytesIO()
     write(drawn, stream)
     coded = base64.b64encode(stream.getvalue()).decode()
@@ -203,20 +203,20 @@ def picture(drawn: Picture, name: str) -> str:
 
 
 def caption_plot(name: str, html: str) -> str:
-    """A plot under its name."""
+    """HTML of a plot with its caption."""
     words = "Shock response spectra" if name == "srs" else name.replace("_", " ").capitalize()
     return f"<figure><figcaption>{escape(words)}</figcaption>{html}</figure>"
 
 
 def script_json(data: Any) -> str:
-    """JSON that may stand in a script element; arrays have five decimals."""
+    """JSON that is safe inside a script element; arrays have five decimals."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False, default=lambda array: np.round(array, 5).tolist())
     return text.replace("<", "\\u003c").replace(">", "\\u003e")  # no end or comment of a script, nor ]]>
 
 
 @cache
 def asset(name: str) -> str:
-    """A style or script of this package."""
+    """Text of a style or script file of this package."""
     return (files("beamsim.report") / name).read_text(encoding="utf-8")
 
 
@@ -229,7 +229,7 @@ def plotly() -> str:
     MethodError
         If it is not installed.
     """
-    spec = find_spec("plotly")  # without importing it, which takes longer than everything else here
+    spec = find_spec("plotly")  # without a slow import
     folders = [] if spec is None else list(spec.submodule_search_locations or ())
     for folder in folders:
         script = Path(folder) / "package_data" / "plotly.min.js"
