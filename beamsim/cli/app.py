@@ -21,8 +21,8 @@ from beamsim.files import protected_files
 from beamsim.kinds import TemplateKind
 from beamsim.version import __version__
 
-COMPUTING = ("overrides", "output", "json", "no_plots", "quiet", "verbose", "allow_hours")
-ABOUT_A_RESULT = ("output", "json", "quiet")
+COMPUTATION_OPTIONS = ("overrides", "output", "json", "no_plots", "quiet", "verbose", "allow_hours")
+RESULT_OPTIONS = ("output", "json", "quiet")
 
 
 Case = Annotated[Path, typer.Argument(metavar="CASE.YAML", help="Scenario file, or a result file to take the case of.")]
@@ -190,7 +190,7 @@ class ComparedMethod(StrEnum):
     relaxed_minimisation = "relaxed_minimisation"
 
 
-@partial(command, file=Case, options=(*COMPUTING, "check"))
+@partial(command, file=Case, options=(*COMPUTATION_OPTIONS, "check"))
 def run(options: CommandOptions, against: AgainstOption = None) -> None:
     """Simulate a case. Writes a result file and plots, prints a summary."""
     from beamsim.cli.command import run_analysis
@@ -206,7 +206,7 @@ def run(options: CommandOptions, against: AgainstOption = None) -> None:
     )
 
 
-@partial(command, file=Case, options=(*COMPUTING, "check", "resume"))
+@partial(command, file=Case, options=(*COMPUTATION_OPTIONS, "check", "resume"))
 def sweep(
     options: CommandOptions,
     workers: Annotated[
@@ -247,7 +247,7 @@ def sweep(
     swept(options, own_options)
 
 
-@partial(command, file=Case, options=COMPUTING)
+@partial(command, file=Case, options=COMPUTATION_OPTIONS)
 def nnm(
     options: CommandOptions,
     compare_with: Annotated[
@@ -262,7 +262,7 @@ def nnm(
     run_analysis("nnm", options, "following the mode of", compare=methods)
 
 
-@partial(command, file=Case, options=COMPUTING)
+@partial(command, file=Case, options=COMPUTATION_OPTIONS)
 def identify_stiffness(options: CommandOptions) -> None:
     """Find stiffness and damping of stops from tests. Parameters of the structure itself can be found with them."""
     from beamsim.cli.identification import identify
@@ -270,7 +270,7 @@ def identify_stiffness(options: CommandOptions) -> None:
     identify(options)
 
 
-@partial(command, file=Stored, options=COMPUTING[1:])
+@partial(command, file=Stored, options=COMPUTATION_OPTIONS[1:])
 def compare(
     options: CommandOptions,
     measured: Annotated[
@@ -342,7 +342,7 @@ def compare(
     compare_signals(options, measured, pairing, prepared, of_runs, of_sweeps)
 
 
-@partial(command, file=Case, options=COMPUTING)
+@partial(command, file=Case, options=COMPUTATION_OPTIONS)
 def compare_modes(
     options: CommandOptions,
     measured: Annotated[Path, typer.Argument(metavar="SHAPES", help="Measured mode shapes: .csv, or .uff dataset 55.")],
@@ -382,7 +382,7 @@ def info(options: CommandOptions) -> None:
     stored.info(options)
 
 
-@partial(command, file=Stored, options=ABOUT_A_RESULT)
+@partial(command, file=Stored, options=RESULT_OPTIONS)
 def plot(
     options: CommandOptions,
     form: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Picture format.")] = "png",
@@ -393,7 +393,7 @@ def plot(
     stored.plot(options, form)
 
 
-@partial(command, file=Stored, options=ABOUT_A_RESULT)
+@partial(command, file=Stored, options=RESULT_OPTIONS)
 def export(
     options: CommandOptions,
     form: Annotated[
@@ -407,7 +407,7 @@ def export(
     stored.export(options, form)
 
 
-@partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
+@partial(command, file=Stored, options=(*RESULT_OPTIONS, "open_files"))
 def report(
     options: CommandOptions,
 ) -> None:
@@ -417,7 +417,7 @@ def report(
     html_report.report(options)
 
 
-@partial(command, file=Stored, options=(*ABOUT_A_RESULT, "open_files"))
+@partial(command, file=Stored, options=(*RESULT_OPTIONS, "open_files"))
 def animate(
     options: CommandOptions,
 ) -> None:

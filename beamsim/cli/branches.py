@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
-from beamsim.cli.screens import MOST_ROWS, SHOWN, WIDTH, Errors, Screen, limit_lines, more_rows, round_with_unit
+from beamsim.cli.screens import MOST_ROWS, MOST_SHOWN, WIDTH, Errors, Screen, limit_lines, more_rows, round_with_unit
 from beamsim.orbits.branch import special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent, scale_for
@@ -27,10 +27,12 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     s, errors = result.summary, Errors(result)
     of_branches = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
     levels = list({repr(key): key for key in zip(*of_branches, strict=True)}.values())  # nan is not equal to itself
-    rows = [_level_row(result, errors, *key) for key in levels[: 2 * SHOWN]]
-    lines = [f"{len(levels) - 2 * SHOWN} more levels and periods in the file"] if len(levels) > 2 * SHOWN else []
+    rows = [_level_row(result, errors, *key) for key in levels[: 2 * MOST_SHOWN]]
+    lines = (
+        [f"{len(levels) - 2 * MOST_SHOWN} more levels and periods in the file"] if len(levels) > 2 * MOST_SHOWN else []
+    )
     for entry, unit, what in (("peak_force_n", "N", "force"), ("peak_moment_n_m", "N m", "moment")):
-        hardest = sorted(s.get(entry, {}).items(), key=lambda item: -item[1])[:SHOWN]
+        hardest = sorted(s.get(entry, {}).items(), key=lambda item: -item[1])[:MOST_SHOWN]
         forces = [f"{errors.number(force, unit, entry, name)} at {name}" for name, force in hardest if force > 0]
         if forces:
             lines.append(f"peak {what} of stable motions {', '.join(forces)}")
@@ -38,7 +40,7 @@ def continuation_screen(result: ContinuationResult) -> Screen:
     lines += [
         f"peak of {name} {errors.number(of['value'], s['output_unit'][name], 'peak_output', name)} at "
         f"{_parameter(of['parameter'], result.unit)}"
-        for name, of in list(s.get("peak_output", {}).items())[:SHOWN]
+        for name, of in list(s.get("peak_output", {}).items())[:MOST_SHOWN]
     ]
     for curve in s.get("fold_curves", ()):
         low, high = curve["smallest_parameter"], curve["largest_parameter"]
@@ -104,15 +106,15 @@ def _coexisting_ranges_text(result: ContinuationResult) -> Iterator[str]:
 def _special_lines(result: ContinuationResult) -> list[str]:
     """Number and places of special points of each kind, over all levels and periods."""
     texts = []
-    for kind, places in _special(result).items():
+    for kind, places in _special_points(result).items():
         scale = scale_for(result.unit, places)
         at = [f"{x * scale.factor:.4g}" for x in sorted(places)]
-        more = f" and {len(at) - SHOWN} more" if len(at) > SHOWN else ""
-        texts.append(f"{count_text(len(at), kind)} at {', '.join(at[:SHOWN])} {scale.unit}{more}")
+        more = f" and {len(at) - MOST_SHOWN} more" if len(at) > MOST_SHOWN else ""
+        texts.append(f"{count_text(len(at), kind)} at {', '.join(at[:MOST_SHOWN])} {scale.unit}{more}")
     return textwrap.wrap("; ".join(texts), WIDTH)
 
 
-def _special(result: ContinuationResult | NormalModeResult) -> dict[str, list[float]]:
+def _special_points(result: ContinuationResult | NormalModeResult) -> dict[str, list[float]]:
     """Parameters of all special points, by the name of their kind."""
     special: dict[str, list[float]] = {}
     for point in result.summary.get("special_points") or ():
@@ -191,10 +193,10 @@ def nnm_screen(result: NormalModeResult) -> Screen:
         span = extent(first["frequency_hz"], last["frequency_hz"], "Hz")
         followed += f", {span} at {extent(first['energy_j'], last['energy_j'], 'J')}"
     else:
-        rows = [_on_backbone(result, errors, name, s[name], name) for name in ("start", "end")]
+        rows = [_backbone_row(result, errors, name, s[name], name) for name in ("start", "end")]
         for point in s.get("requested_points") or ():
             place = f"{point['quantity']} {point['value']:.6g} branch {point['branch']}"
-            rows.append(_on_backbone(result, errors, "asked for", point, place))
+            rows.append(_backbone_row(result, errors, "asked for", point, place))
     lines = [
         f"{followed}; linear frequency {amount(s['linear_frequency_hz'], 'Hz')}",
         *_branches_and_methods(result),
@@ -202,19 +204,19 @@ def nnm_screen(result: NormalModeResult) -> Screen:
     return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
 
 
-def _on_backbone(
-    result: NormalModeResult, errors: Errors, name: str, point: Mapping[str, Any], place: str
+def _backbone_row(
+    result: NormalModeResult, errors: Errors, label: str, point: Mapping[str, Any], place: str
 ) -> dict[str, str]:
     """Row of a point: parameter, frequency and energy; a requested point has more.
 
     Parameters
     ----------
-    name : name of the row.
+    label : name of the row.
     point : point of the summary.
     place : place of its frequency among the values compared with a finer model.
     """
     row = {
-        "": name,
+        "": label,
         "stiffness factor": f"{point['parameter']:.4g}" if result.parameter == "stiffness_factor" else "",
         "frequency": errors.number(point["frequency_hz"], "Hz", "frequency_hz", place),
         "energy": round_with_unit(point["energy_j"], "J"),
@@ -228,8 +230,8 @@ def _branches_and_methods(result: NormalModeResult) -> Iterator[str]:
     tongues = s.get("internal_resonances", ())
     if tongues:
         at = [f"{_parameter(tongue['parameter'], unit, 3)} ({_cause(tongue)})" for tongue in tongues]
-        yield f"internal resonances at {result.parameter.replace('_', ' ')} {first_of(at, SHOWN)}"
-    found = {"jump": s.get("jumps") or (), **_special(result)}
+        yield f"internal resonances at {result.parameter.replace('_', ' ')} {first_of(at, MOST_SHOWN)}"
+    found = {"jump": s.get("jumps") or (), **_special_points(result)}
     if some := [count_text(len(points), kind) for kind, points in found.items() if points]:
         yield f"along the backbone: {', '.join(some)}"
     if (drift := s.get("motion_drift", 0.0)) > LARGEST_DRIFT:

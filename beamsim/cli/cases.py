@@ -44,7 +44,7 @@ def validate(options: CommandOptions, *, sketch: bool) -> None:
     drawn: list[Path] = []
     try:
         scenario = load_case(options)
-        files, warnings, system = _check_inputs(scenario)
+        files, warnings, system = _inspect_inputs(scenario)
         if folder is not None:
             from beamsim.cli.html_report import draw_model  # and with it everything that draws
 
@@ -69,7 +69,7 @@ def validate(options: CommandOptions, *, sketch: bool) -> None:
         show(found, *textwrap.wrap(line, WIDTH), *(body.text for body in files), *drawn)
 
 
-def _check_inputs(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
+def _inspect_inputs(scenario: Scenario) -> tuple[Sequence[FileSummary], list[str], StructuralSystem | None]:
     """Check what needs no analysis: summaries of bodies from files, warnings, and the system of a motion.
 
     Raises

@@ -9,7 +9,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
-from beamsim.cli.screens import understood_of
+from beamsim.cli.screens import interpretation_text
 from beamsim.cli.session import (
     RESULTS,
     CommandOptions,
@@ -60,7 +60,7 @@ def load_for_command(command: str, options: CommandOptions) -> tuple[Scenario, P
 
 
 def compute_and_save(
-    kind: str, target: Path, options: CommandOptions, compute: Compute[_Result], label: str, afterwards: str = ""
+    kind: str, target: Path, options: CommandOptions, compute: Compute[_Result], label: str, later_label: str = ""
 ) -> _Result:
     """Compute a result, then write, plot and print it, with handling of signals.
 
@@ -70,7 +70,7 @@ def compute_and_save(
     target : the result file; the plots are written to the same folder.
     options : shared options of commands.
     compute : function that computes the result.
-    label, afterwards : texts of the progress report, see `Progress`.
+    label, later_label : texts of the progress report, see `Progress`.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def compute_and_save(
         See `plot_and_print`.
     """
     with interruptible() as interrupted:
-        with progress_of(label, shown=not options.quiet, afterwards=afterwards) as progress:
+        with progress_of(label, shown=not options.quiet, later_label=later_label) as progress:
             result = compute(progress, interrupted)
         with progress_of(f"writing {target.name}", shown=not options.quiet):
             result = replace(result, command_processor_time_s=used_processor_time())
@@ -145,7 +145,7 @@ def _print_all(kind: str, result: Result, files: Sequence[Path], options: Comman
     for warning in result.warnings:
         say(f"beamsim: warning: {warning}")
     if options.json:
-        about = {"status": result.status, "understood": understood_of(result), "warnings": list(result.warnings)}
+        about = {"status": result.status, "understood": interpretation_text(result), "warnings": list(result.warnings)}
         times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": result.command_processor_time_s}
         print_json({**about, **result.summary, **times, "files": [str(path) for path in files]})
     elif not options.quiet:
@@ -166,8 +166,8 @@ def _outcome_lines(result: Result, target: Path, *, interrupted: bool) -> Iterat
 
 
 def run_analysis(
-    kind: str, options: CommandOptions, doing: str,
-    then: Callable[[Any, Interruption], Result] = lambda result, _: result,
+    kind: str, options: CommandOptions, activity: str,
+    finish: Callable[[Any, Interruption], Result] = lambda result, _: result,
     **analysis_options: Any,
 ) -> None:  # fmt: skip
     """Run the analysis whose command has the name of the kind.
@@ -176,8 +176,8 @@ def run_analysis(
     ----------
     kind : kind of the result.
     options : shared options.
-    doing : verb for the progress report, such as "simulating".
-    then : function that derives the stored result from the computed one.
+    activity : verb for the progress report, such as "simulating".
+    finish : function that derives the stored result from the computed one.
     analysis_options : arguments of the analysis.
 
     Raises
@@ -189,12 +189,12 @@ def run_analysis(
 
     def computed(progress: Progress, stop: Interruption) -> Result:
         with scenario.locating():
-            return then(
+            return finish(
                 resolve_name(KINDS[kind].analysis)(scenario, progress=progress, stop=stop, **analysis_options), stop
             )
 
     name = options.case.name
-    label = f"{doing} {name}"
+    label = f"{activity} {name}"
     swept = [part for _, part in scenario.excitation.items if part.kind == "swept_sine"]
     if kind == "run" and swept:  # whose number of cycles determines the time
         marched = not_none(scenario.run).duration

@@ -26,8 +26,8 @@ from beamsim.store.results import kind_of, stored_result
 
 
 def compare_signals(
-    options: CommandOptions, measured: Path, pairing: Mapping[str, Any], prepared_by: Mapping[str, str | None],
-    of_runs: Mapping[str, Any], of_sweeps: Mapping[str, Any],
+    options: CommandOptions, measured: Path, pairing: Mapping[str, Any], preparation_options: Mapping[str, str | None],
+    run_options: Mapping[str, Any], sweep_options: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Compare the result of a run or a sweep with measured signals.
 
@@ -36,8 +36,8 @@ def compare_signals(
     options : shared options; the case is a result file.
     measured : file of the measurement.
     pairing : assignment of channels to signals of the result, as in `ChannelChoice`.
-    prepared_by : options factor, remove and high_pass for measured histories.
-    of_runs, of_sweeps : options for results of runs, and of sweeps.
+    preparation_options : options factor, remove and high_pass for measured histories.
+    run_options, sweep_options : options for results of runs, and of sweeps.
 
     Raises
     ------
@@ -46,22 +46,22 @@ def compare_signals(
     """
     path = options.case
     target = output_file(options.output, f"{path.stem}_compare", ".h5", ".hdf5")
-    preparation = _preparation({name: value for name, value in prepared_by.items() if value is not None})
+    preparation = _preparation({name: value for name, value in preparation_options.items() if value is not None})
     swept = kind_of(path) == "sweep"
     with stored_result(path, "sweep" if swept else "run") as result:
         pairs = pair_channels(result, measured, ChannelChoice(preparation=preparation, **pairing))
         comparison: Callable[[], Comparison]
         if swept:
-            name = of_sweeps["reference"]
+            name = sweep_options["reference"]
             excitation = (
                 None if name is None else history_named(measured, name, pairing["axis_unit"], pairing["decimal"])
             )
-            tracking = Tracking(of_sweeps["begin"], excitation, of_sweeps["cycles"])
-            chosen = {key: of_sweeps[key] for key in ("curve", "detector")}
+            tracking = Tracking(sweep_options["begin"], excitation, sweep_options["cycles"])
+            chosen = {key: sweep_options[key] for key in ("curve", "detector")}
             comparison = partial(compare_sweep, result, pairs, tracking=tracking, **chosen)
         else:
-            _refuse_of_sweeps({name: value for name, value in of_sweeps.items() if name != "cycles"})
-            comparison = partial(compare, result, pairs, **of_runs)
+            _refuse_sweep_options({name: value for name, value in sweep_options.items() if name != "cycles"})
+            comparison = partial(compare, result, pairs, **run_options)
         compute_and_save("compare", target, options, lambda *_: comparison(), f"comparing with {measured.name}")
 
 
@@ -84,7 +84,7 @@ def _preparation(options: Mapping[str, str]) -> RecordPreparation:
         ) from None
 
 
-def _refuse_of_sweeps(options: Mapping[str, object]) -> None:
+def _refuse_sweep_options(options: Mapping[str, object]) -> None:
     """Refuse options that do not apply to the comparison of a run.
 
     Raises

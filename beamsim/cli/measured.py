@@ -12,7 +12,7 @@ from beamsim.analyses.compare.result import ChannelComparison, Comparison
 from beamsim.analyses.compare_modes.analysis import ModeComparison
 from beamsim.analyses.identify.layouts import WITH, WITHOUT
 from beamsim.analyses.identify.result import IdentificationResult
-from beamsim.cli.screens import MOST_ROWS, SHOWN, Screen, limit_lines, round_with_unit
+from beamsim.cli.screens import MOST_ROWS, MOST_SHOWN, Screen, limit_lines, round_with_unit
 from beamsim.labelled import Dataset
 from beamsim.plots.style import amount, extent, percent, value_text
 from beamsim.results.values import parameter_label
@@ -80,7 +80,7 @@ def _facts(result: IdentificationResult, tables: Mapping[str, Dataset]) -> Itera
     if "pad" in datasets:
         yield _pad_text(datasets["pad"])
     if s.get("sensitivities"):
-        largest = list(s["sensitivities"].items())[:SHOWN]
+        largest = list(s["sensitivities"].items())[:MOST_SHOWN]
         parts = (f"{parameter_label(path)} {value:+.2g} %" for path, value in largest)
         yield f"an increase of 1 % changes the stiffness by: {', '.join(parts)}"
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from beamsim.analyses.run.result import RunResult
 from beamsim.cli.screens import (
-    SHOWN,
+    MOST_SHOWN,
     Errors,
     Screen,
     contact_levels,
@@ -45,7 +45,7 @@ def run_screen(result: RunResult) -> Screen:
         lines.append(f"bending stress {errors.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")
     histories = result["histories"]
     names = list(dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe"))))
-    for entry, lines_of in OF_SOME_RUNS.items():
+    for entry, lines_of in OPTIONAL_LINES.items():
         if s.get(entry):
             lines += lines_of(result, errors)
     lines += limit_lines(result, names) if limits else []
@@ -60,7 +60,7 @@ def _output_peaks(result: RunResult, errors: Errors) -> Iterator[str]:
         f"{name} {errors.number(peak, s['output_unit'][name], 'peak_output', name)}"
         for name, peak in s["peak_output"].items()
     )
-    yield f"peaks of outputs: {first_of(list(outputs), SHOWN)}"
+    yield f"peaks of outputs: {first_of(list(outputs), MOST_SHOWN)}"
 
 
 def _inputs(result: RunResult, _: Errors) -> Iterator[str]:
@@ -87,14 +87,14 @@ def _largest_of_test(result: RunResult, _: Errors) -> Iterator[str]:
     signals = sorted(random.rows("signal")[1:], key=lambda of: (not compared(of), of["quantity"] != "force"))
     largest = [f"{of['name']} {words(of['quantity'])} {text}" for of in signals if (text := _expected_peak(of))]
     if largest:
-        shown = max(SHOWN, sum(map(compared, signals)))  # all values with limits
+        shown = max(MOST_SHOWN, sum(map(compared, signals)))  # all values with limits
         yield f"largest in {amount(random['test_duration_s'].item(), 's')} of test: {first_of(largest, shown)}"
     yield from limits_in_test(result)
 
 
 def _sensitivities(result: RunResult, _: Errors) -> Iterator[str]:
     changing = [(name, of) for name, of in sensitivity_texts(result).items() if name.startswith(("peak f", "peak d"))]
-    yield from (f"{name}: {first_of(of, SHOWN)}" for name, of in changing[:SHOWN])
+    yield from (f"{name}: {first_of(of, MOST_SHOWN)}" for name, of in changing[:MOST_SHOWN])
 
 
 def _fatigue(result: RunResult, _: Errors) -> Iterator[str]:
@@ -110,7 +110,7 @@ def _reference_lines(result: RunResult) -> Iterator[str]:
     yield f"{compared['method']}: displacements differ by at most {apart}{diverge}"
 
 
-OF_SOME_RUNS: Mapping[str, Callable[[RunResult, Errors], Iterable[str]]] = {
+OPTIONAL_LINES: Mapping[str, Callable[[RunResult, Errors], Iterable[str]]] = {
     "gapping": contact_levels,
     "peak_output": _output_peaks,
     "inputs": _inputs,
@@ -209,9 +209,9 @@ def sweep_screen(result: SweepResult) -> Screen:
             percent(share) + errors.mark("contact_share", f"{name} {at}") for at, share in shares.items()
         )
         rows.append(row)
-    notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:SHOWN]]
+    notches = [f"{name} {text}" for name, text in list(notch_texts(result).items())[:MOST_SHOWN]]
     lines = [
-        *contact_levels(result, errors), *list(_output_lines(result, errors))[:SHOWN],
+        *contact_levels(result, errors), *list(_output_lines(result, errors))[:MOST_SHOWN],
         *profile_jumps(result.scenario), *notches, *limit_lines(result), *_exceeded_in(result), *errors.legend(),
     ]  # fmt: skip
     return Screen(errors.verdict(), rows, lines)
@@ -234,7 +234,9 @@ def _exceeded_in(result: SweepResult) -> Iterator[str]:
                 for curve in by_curve
             }
             over = [_curve_text(result.curves[curve]) for curve, x in largest.items() if x > of["limit"]]
-            yield f"{limit_label(name)} exceeded in {len(over)} of {len(largest)} sweeps: {'; '.join(over[:SHOWN])}"
+            yield f"{limit_label(name)} exceeded in {len(over)} of {len(largest)} sweeps: " + "; ".join(
+                over[:MOST_SHOWN]
+            )
 
 
 def in_gravities(curve: SweepCurve) -> str:

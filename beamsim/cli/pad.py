@@ -82,7 +82,7 @@ def _read_numbers(texts: Mapping[str, str]) -> dict[str, float]:
     return numbers
 
 
-def _check_found(found: PadNumbers) -> None:
+def _check_found(numbers: PadNumbers) -> None:
     """Check that the scenario accepts the computed stiffness and dashpot.
 
     Raises
@@ -90,7 +90,7 @@ def _check_found(found: PadNumbers) -> None:
     ScenarioError
         If it does not accept one of them.
     """
-    for name, value in (("stiffness", found.stiffness), ("dashpot", found.dashpot)):
+    for name, value in (("stiffness", numbers.stiffness), ("dashpot", numbers.dashpot)):
         try:
             _READ[name].read(value)
         except units.UnitError as error:
@@ -98,41 +98,42 @@ def _check_found(found: PadNumbers) -> None:
             raise ScenarioError(Problem(f"the {name} found", what, "check the numbers and their units")) from None
 
 
-def _snubber(found: PadNumbers) -> Iterator[str]:
+def _snubber(numbers: PadNumbers) -> Iterator[str]:
     """Lines of a section of a scenario."""
     yield "snubbers:"
     yield "  - name: pad"
     yield "    position: 100 %"
     yield "    side: below"
     yield "    gap: 0 mm"
-    if found.points is None:
-        yield f"    stiffness: {found.stiffness:.12g} N/m"
+    if numbers.points is None:
+        yield f"    stiffness: {numbers.stiffness:.12g} N/m"
     else:
-        points = ", ".join(f"[{x:.12g} m, {force:.12g} N]" for x, force in found.points)
+        points = ", ".join(f"[{x:.12g} m, {force:.12g} N]" for x, force in numbers.points)
         yield f"    force_deflection: [{points}]"
-    if found.maxwell:
+    if numbers.maxwell:
         branches = (
-            f"{{stiffness: {b.stiffness:.12g} N/m, relaxation_time: {b.relaxation_time:.12g} s}}" for b in found.maxwell
+            f"{{stiffness: {b.stiffness:.12g} N/m, relaxation_time: {b.relaxation_time:.12g} s}}"
+            for b in numbers.maxwell
         )
         yield f"    maxwell: [{', '.join(branches)}]"
-    if found.dashpot > 0.0:
-        yield f"    damping: {{kind: viscous, coefficient: {found.dashpot:.12g} N s/m}}"
+    if numbers.dashpot > 0.0:
+        yield f"    damping: {{kind: viscous, coefficient: {numbers.dashpot:.12g} N s/m}}"
 
 
-def _comments(found: PadNumbers) -> Iterator[str]:
+def _comments(numbers: PadNumbers) -> Iterator[str]:
     """Comment lines with reliability and properties of the pad."""
-    if verdict := EXIT_RULES[found.outcome.gravest_kind].first_line:
+    if verdict := EXIT_RULES[numbers.outcome.gravest_kind].first_line:
         yield verdict
     for label, name, unit in _SHOWN:
-        value = getattr(found, name)
+        value = getattr(numbers, name)
         if value is not None:
             yield f"{label}: {amount(value, unit)}"
-    if found.maxwell:
+    if numbers.maxwell:
         yield "the misfit is that of curve and branches under the measured deflection; at other frequencies:"
-        for frequency, stiffness, loss in found.dynamic:
+        for frequency, stiffness, loss in numbers.dynamic:
             yield f"  {amount(frequency, 'Hz')}: stiffness {amount(stiffness, 'N/m')}, loss factor {loss:.2g}"
-        fast = found.stiffness + sum(branch.stiffness for branch in found.maxwell)
+        fast = numbers.stiffness + sum(branch.stiffness for branch in numbers.maxwell)
         yield f"and in an impact {amount(fast, 'N/m')}; the loop shows no more than ten times its own frequency"
-    yield from found.remarks
-    if found.loss_factor and not found.dashpot and not found.maxwell:
+    yield from numbers.remarks
+    if numbers.loss_factor and not numbers.dashpot and not numbers.maxwell:
         yield "no dashpot: give --frequency, at which the pad has this loss factor"

@@ -31,11 +31,11 @@ from beamsim.scenario.scenario import USED_SECTIONS
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.summaries import value_in_words
 
-SHOWN = 4  # items of long lists: outputs, contact levels, cases
+MOST_SHOWN = 4  # items of long lists: outputs, contact levels, cases
 DIGITS = 3  # largest number of digits; fewer if the last ones are below the second digit of the error
 WIDTH = 160  # characters, above which records are printed side by side
 MOST_ROWS = 24  # of a table
-NONE = "-"
+NO_VALUE = "-"
 SMALLEST_ERROR = 1e-6  # relative; less cannot be distinguished from round-off
 NO_LIMIT = "no limit: grows with the number of modes"
 ONE_OF_MANY = "one of many motions"  # value that depends on the motion after its contact sequences diverge
@@ -60,7 +60,11 @@ class Screen:
         verdict, *statements = self.status(result)
         asked = [text for text in result.warnings if QUESTION_END in text]
         lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements]
-        lines += [*textwrap.wrap(understood_of(result), WIDTH), *(f"warning: {text}" for text in asked), *self.body()]
+        lines += [
+            *textwrap.wrap(interpretation_text(result), WIDTH),
+            *(f"warning: {text}" for text in asked),
+            *self.body(),
+        ]
         more = len(result.warnings) - len(asked)
         notes = f"{count_text(more, 'note')} (-v shows them); " if more else ""
         pictures = [name for name in files[1:] if name.endswith(".png")]
@@ -83,7 +87,7 @@ class Screen:
         """The table without empty columns, and the lines below it."""
         names = dict.fromkeys(name for row in self.rows for name in row)
         headings = [name for name in names if any(row.get(name) for row in self.rows)]
-        cells = [headings, *([row.get(name) or NONE for name in headings] for row in self.rows)]
+        cells = [headings, *([row.get(name) or NO_VALUE for name in headings] for row in self.rows)]
         return [*(align_columns(cells) if headings else ()), *self.lines]
 
 
@@ -208,7 +212,7 @@ class Errors:
             size = f"{size}, within the standard error of its mean"
         return f"{ONE_OF_MANY}, {size}" if after else size
 
-    def others(self) -> Iterator[tuple[str, str]]:
+    def other_errors(self) -> Iterator[tuple[str, str]]:
         """Errors of values that the summary contains in another form, such as spectral lines."""
         for entry, place in [*self._known, *sorted(self._after - set(self._known))]:
             if (entry, place) not in self._printed:
@@ -270,7 +274,7 @@ def limit_lines(result: Result, shown: Sequence[str] = ()) -> Iterator[str]:
         yield from (f"{text}{f' at {at}' if at else ''}" for text in texts if at not in shown)
 
 
-def understood_of(result: Result) -> str:
+def interpretation_text(result: Result) -> str:
     """Interpretation of the scenario of a result, in one line."""
     command = KINDS[result.KIND].command
     if command not in USED_SECTIONS:
@@ -289,15 +293,15 @@ def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
     for name, of in result.summary.get("gapping", {}).items():
         if of.get("level", True) and of.get("sigmas", True):
             text = linear_prediction(result, of)[0] + errors.mark("gapping_ratio", name)
-            text += _closest(result, closest[name], of) if name in closest else ""
+            text += _closest_approach_text(result, closest[name], of) if name in closest else ""
             names.setdefault(text, []).append(name)
     for text, alike in sorted(names.items(), key=lambda item: item[0].startswith("not predicted")):
         verb, rest = text.split(" ", 1)
         several = {"opens": "open", "touches": "touch"} if len(alike) > 1 else {}
-        yield f"{first_of(alike, SHOWN)} {several.get(verb, verb)} {rest}"
+        yield f"{first_of(alike, MOST_SHOWN)} {several.get(verb, verb)} {rest}"
 
 
-def _closest(result: Result, of: Mapping[str, Any], lowest: Mapping[str, Any]) -> str:
+def _closest_approach_text(result: Result, of: Mapping[str, Any], lowest: Mapping[str, Any]) -> str:
     """Closest approach of a test with varying level to opening or closing a contact, as text.
 
     Parameters
@@ -322,7 +326,7 @@ def _closest(result: Result, of: Mapping[str, Any], lowest: Mapping[str, Any]) -
     return f"; this test comes closest at {where}, where it {verb} from {level}"
 
 
-def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
+def margins(result: Result, limits: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, str]]:
     """Margin, value with its place, and limit, by limit."""
     return {
         limit_label(name): {
@@ -333,7 +337,7 @@ def margins(result: Result, compared: Mapping[str, Mapping[str, Any]]) -> dict[s
             "limit": amount(item["limit"], limit_unit(result.scenario, name)),
             "verdict": item["verdict"] if item["verdict"] == Verdict.MET else item["verdict"].upper(),
         }
-        for name, item in compared.items()
+        for name, item in limits.items()
     }
 
 
@@ -349,7 +353,7 @@ def limits_in_test(result: Result) -> Iterator[str]:
     for name, item in result.summary.get("margins", {}).items():
         if "statistic" in item:
             alike.setdefault(item["statistic"], []).append(limit_label(name))
-    yield from (f"compared with limits: {first_of(names, SHOWN)} by the {of}" for of, names in alike.items())
+    yield from (f"compared with limits: {first_of(names, MOST_SHOWN)} by the {of}" for of, names in alike.items())
     for name, item in result.summary.get("margins", {}).items():
         unit = limit_unit(result.scenario, name)
         if item["verdict"] == Verdict.MET and item.get("reached", 0.0) > item["limit"]:

@@ -73,15 +73,15 @@ def load_case(options: CommandOptions, command: str = "") -> Scenario:
     return load_scenario(options.case, overrides, command=command)
 
 
-def _scenario_of_result(file: Path, overrides: Sequence[str], command: str) -> Scenario:
+def _scenario_of_result(path: Path, overrides: Sequence[str], command: str) -> Scenario:
     """Scenario of a result file for a command, with replaced values; raises as `load_case`."""
     from beamsim.scenario import load_scenario
     from beamsim.store.results import load
 
-    scenario: Scenario = load(file).scenario
+    scenario: Scenario = load(path).scenario
     if overrides:
         scenario = load_scenario(scenario, overrides, command=command)
-    return scenario.with_source(file.stem)
+    return scenario.with_source(path.stem)
 
 
 def result_stem(options: CommandOptions) -> str:
@@ -310,9 +310,9 @@ class Progress:
     afterwards : task after fraction 1, whose fraction is unknown; by default the label.
     """
 
-    def __init__(self, label: str, afterwards: str = "") -> None:
+    def __init__(self, label: str, later_label: str = "") -> None:
         self._label = visible(label)
-        self._afterwards = afterwards or label
+        self._afterwards = later_label or label
         self.begin = clock.monotonic()  # s
         self._first: tuple[float, float] | None = None  # time and fraction of the first call
         self._last, self._reached = 0.0, self.begin  # latest increased fraction, and its time
@@ -372,19 +372,19 @@ class Progress:
 
 
 @contextmanager
-def progress_of(label: str, *, shown: bool, afterwards: str = "") -> Iterator[Progress]:
+def progress_of(label: str, *, shown: bool, later_label: str = "") -> Iterator[Progress]:
     """Report the progress of the block on standard error if it takes more than two seconds.
 
     Parameters
     ----------
-    label, afterwards : see `Progress`.
+    label, later_label : see `Progress`.
     shown : False for no report.
 
     Yields
     ------
     To be called with the fraction that is done.
     """
-    progress = Progress(label, afterwards)
+    progress = Progress(label, later_label)
     if not shown:
         yield progress
         return
@@ -399,16 +399,16 @@ def progress_of(label: str, *, shown: bool, afterwards: str = "") -> Iterator[Pr
         reporter.join()
 
 
-def _print_lines(progress: Progress, ended: threading.Event) -> None:
+def _print_lines(progress: Progress, finished: threading.Event) -> None:
     interval = SHOWN_AFTER_S
-    while not ended.wait(interval):
+    while not finished.wait(interval):
         with suppress(OSError, ValueError):  # a closed standard error is handled by the command itself
             say(f"beamsim: {progress}")
         interval = min(max(5.0, 0.1 * (clock.monotonic() - progress.begin)), 30.0)  # less often, the longer it takes
 
 
-def _show_bar(progress: Progress, ended: threading.Event) -> None:
-    if ended.wait(SHOWN_AFTER_S):
+def _show_bar(progress: Progress, finished: threading.Event) -> None:
+    if finished.wait(SHOWN_AFTER_S):
         return
     from rich.console import Console
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -427,7 +427,7 @@ def _show_bar(progress: Progress, ended: threading.Event) -> None:
                 completed=fraction or 0.0,
                 left="" if remaining is None else _time_left_text(remaining),
             )
-            if ended.wait(0.2):
+            if finished.wait(0.2):
                 return
 
 

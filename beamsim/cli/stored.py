@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from pkgutil import resolve_name
 
-from beamsim.cli.screens import understood_of
+from beamsim.cli.screens import interpretation_text
 from beamsim.cli.session import CommandOptions, print_files, print_json, progress_of, say
 from beamsim.cli.tables import all_rows, print_table
 from beamsim.errors import Problem, ScenarioError
@@ -31,7 +31,7 @@ def info(options: CommandOptions) -> None:
         if options.json:
             about = {"kind": kind, "title": result.title, "status": result.status, "warnings": list(result.warnings)}
             made = {"created": result.created, "beamsim_version": result.beamsim_version}
-            about["understood"] = understood_of(result)
+            about["understood"] = interpretation_text(result)
             times = {"wall_time_s": result.wall_time_s, "command_processor_time_s": result.command_processor_time_s}
             print_json({**about, **result.summary, **times, **made})
             return

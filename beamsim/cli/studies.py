@@ -11,7 +11,7 @@ from beamsim.analyses.studies.objectives import objectives
 from beamsim.analyses.studies.responses import limited_response, matches_request
 from beamsim.analyses.studies.result import StudyResult
 from beamsim.analyses.studies.worst import SAMPLED
-from beamsim.cli.screens import SHOWN, Screen, margins, round_with_unit
+from beamsim.cli.screens import MOST_SHOWN, Screen, margins, round_with_unit
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Verdict
 from beamsim.plots.style import amount, extent, is_known, margin_text
@@ -19,7 +19,7 @@ from beamsim.results.values import VALUES, limit_label, parameter_label
 from beamsim.scenario.base import count_text
 
 MOST_BEST = 5
-SLIGHT = 0.1  # importance below which only an upper bound is shown
+LEAST_IMPORTANCE = 0.1  # importance below which only an upper bound is shown
 
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "one_at_a_time": "one parameter at a time, ",
@@ -39,7 +39,7 @@ def design_screen(result: StudyResult) -> Screen:
     s = result.summary
     if "reliability" in s:
         return _probability_screen(result, s["reliability"])
-    lines = [f"best: {s['objective']}{_of_quantile(result)}"] if s.get("best") else []
+    lines = [f"best: {s['objective']}{_quantile_text(result)}"] if s.get("best") else []
     lines += [*_worst_lines(result), *_limit_lines(result)]
     shown = [(name, s["responses"][name]) for name in _deciding_responses(result) if name in s["responses"]]
     shown = shown or list(s["responses"].items())
@@ -52,12 +52,12 @@ def design_screen(result: StudyResult) -> Screen:
         rows = [{"": f"{k}. best"} | row for k, row in enumerate(_best_rows(result, s["best"]), 1)]
         ranges = [
             f"{_response_label(result, name)} {extent(of['smallest'], of['largest'], result.units[name])}"
-            for name, of in shown[:SHOWN]
+            for name, of in shown[:MOST_SHOWN]
         ]
         without = " without their tolerances" if "tolerances" in s else ""  # in contrast to limits and the objective
         lines += [f"all cases{without}: {', '.join(ranges)}"] if ranges else []
     elif result.kind == "one_at_a_time":
-        rows = list(_swing_rows(result, [name for name, _ in shown][:SHOWN]))
+        rows = list(_swing_rows(result, [name for name, _ in shown][:MOST_SHOWN]))
     else:
         rows = [_range_row(result, name, of) for name, of in shown[:MOST_BEST]]
         more = len(s["responses"]) - len(rows)
@@ -66,9 +66,9 @@ def design_screen(result: StudyResult) -> Screen:
     if "probability" in within:
         case = "best case" if "best" in s else "case"
         lines.append(
-            f"{case} within its tolerances: every limit met with a probability of {_odds(within['probability'])}"
+            f"{case} within its tolerances: every limit met with a probability of {_odds_text(within['probability'])}"
         )
-    for name, of in shown[:SHOWN]:
+    for name, of in shown[:MOST_SHOWN]:
         lines += _remarks(result, name, within.get("responses", {}).get(name, of))
     return Screen(_cases_text(result), rows, [*lines, _comparison(result)])
 
@@ -190,7 +190,7 @@ def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
         if _is_within_factor_two(*importance):
             low, high = (_share(end) if is_known(end) else "" for end in importance[1:])
             shown = _share(importance[0]) + (f" ({low} to {high})" if low != high else "")
-        elif importance[2] < SLIGHT:
+        elif importance[2] < LEAST_IMPORTANCE:
             shown = f"below {_share(math.ceil(100 * importance[2]) / 100)}"
         yield {
             "": parameter_label(path), "mean": round_with_unit(of["mean"].item(), unit),
@@ -246,7 +246,7 @@ def _remarks(result: StudyResult, name: str, of: Mapping[str, Any]) -> Iterator[
     key, text = ("total_order", _share) if result.kind == "sobol" else ("rank_correlation", "({:+.2f})".format)
     sure = {path: each[key] for path, each in shares.items() if key in each and each.get("p_value", 0.0) < 0.05}
     ranked = ", ".join(
-        f"{parameter_label(p)} {text(sure[p])}" for p in sorted(sure, key=lambda p: -abs(sure[p]))[:SHOWN]
+        f"{parameter_label(p)} {text(sure[p])}" for p in sorted(sure, key=lambda p: -abs(sure[p]))[:MOST_SHOWN]
     )
     if ranked:
         yield f"variance of {called}: {ranked}" if result.kind == "sobol" else f"{called} goes with {ranked}"
@@ -273,7 +273,7 @@ def _populations(result: StudyResult, name: str, of: Mapping[str, Any]) -> str:
     return f"{len(groups)} populations: {', '.join(ranges)}"
 
 
-def _odds(of: Mapping[str, Any]) -> str:
+def _odds_text(of: Mapping[str, Any]) -> str:
     """Probability with its interval, each to two digits of the distance from 0 or 1."""
     share, low, high = (
         f"{100 * p:.{max(0, -math.floor(math.log10(min(p, 1 - p))) - 1) if 0 < p < 1 else 0}f}"
@@ -289,20 +289,20 @@ def _limit_lines(result: StudyResult) -> Iterator[str]:
         if result.kind == "optimise":
             where = f"in the {'best design' if 'best' in result.summary else 'design nearest to the limits'}:"
         elif item["verdict"] == Verdict.MET:
-            where = f"in all cases{_of_quantile(result)}: at most"
+            where = f"in all cases{_quantile_text(result)}: at most"
         else:
             counts = {Verdict.EXCEEDED: "cases_exceeding", Verdict.UNDECIDED: "cases_undecided"}
             count = item.get(counts.get(item["verdict"], "cases_not_reliable"))
-            where = f"in {count or 'some'} of {result.count} cases{_of_quantile(result)}:"
+            where = f"in {count or 'some'} of {result.count} cases{_quantile_text(result)}:"
             with_them = _parameters(result, item.get("parameters", {})).items()
             most = "".join(f", {label} {value}" for label, value in with_them)
-        met = f", met with a probability of {_odds(item['probability'])}" if "probability" in item else ""
+        met = f", met with a probability of {_odds_text(item['probability'])}" if "probability" in item else ""
         by = f" ({item['statistic']})" if "statistic" in item else ""
         by += f" (worst {item['worst']})" if "worst" in item else ""
         limit = f"limit {of['limit']}, margin {of['margin']}"
         yield f"{name} {of['verdict']} {where} {of['value']}{by}{at}, {limit}{most}{met}"
     if "probability" in result.summary and len(result.limits) > 1:
-        yield f"all limits met with a probability of {_odds(result.summary['probability'])}"
+        yield f"all limits met with a probability of {_odds_text(result.summary['probability'])}"
 
 
 def _range_row(result: StudyResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
@@ -333,11 +333,11 @@ def _parameters(result: StudyResult, values: Mapping[str, Any]) -> dict[str, str
 
 
 def _passing(result: StudyResult, passing: int) -> str:
-    every = f"{'every limit' if len(result.limits) > 1 else 'the limit'}{_of_quantile(result)}"
+    every = f"{'every limit' if len(result.limits) > 1 else 'the limit'}{_quantile_text(result)}"
     return f"{passing} of {result.count} cases meet {every}" if passing else f"no case meets {every}"
 
 
-def _of_quantile(result: StudyResult) -> str:
+def _quantile_text(result: StudyResult) -> str:
     """Realisation that judges the objective and the limits of a case, as text after the judged value."""
     quantile = result.summary.get("tolerances", {}).get("quantile")
     if quantile is None:

@@ -107,7 +107,7 @@ def _sweep_sine(scenario: Scenario, target: Path, options: CommandOptions) -> No
 
     earlier = _partial_result(target, scenario) if options.resume else None
     if earlier is None:
-        _say_begins(target, options)
+        _report_no_resume(target, options)
 
     def computed(progress: Progress, stop: Interruption) -> SweepResult:
         with scenario.locating():
@@ -201,10 +201,10 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
     check_cases(plan)
     limits = {} if scenario.limits is None else scenario.limits.values_by_name
 
-    def same(stored: StudyResult) -> bool:
+    def is_same(stored: StudyResult) -> bool:
         return stored["cases"]["fingerprint"].item() == plan.fingerprint and stored.limits == limits
 
-    if options.resume and _is_finished("designs", target, options, same):
+    if options.resume and _is_finished("designs", target, options, is_same):
         return
     for name in _DESIGNS if plan.searches else ():
         check_writable(_design_file(target, name))
@@ -214,8 +214,8 @@ def sweep_designs(scenario: Scenario, target: Path, options: CommandOptions, **w
     further = f" and at most {most_further} further ones for the worst" if most_further else ""
     path = journal_path(target)
     with opened_journal(path, plan.fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
-        _say_known(journal, f" of {cases} cases", target, options)
-        with _naming_kept(journal, f" of {cases} cases", interrupted):
+        _report_saved_cases(journal, f" of {cases} cases", target, options)
+        with _reporting_saved_cases(journal, f" of {cases} cases", interrupted):
             with progress_of(f"{cases} cases{further}", shown=not options.quiet) as progress:
                 by = _workers(progress, **worker_options)
                 with stop_requests(interrupted):
@@ -242,7 +242,7 @@ def _workers(
 
 
 @contextmanager
-def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Iterator[None]:
+def _reporting_saved_cases(journal: Journal, cases: str, interrupted: Interruption) -> Iterator[None]:
     """Tell how many cases are saved and how to resume, if the block fails or is interrupted.
 
     Raises
@@ -263,14 +263,14 @@ def _naming_kept(journal: Journal, cases: str, interrupted: Interruption) -> Ite
         raise
 
 
-def _is_finished(kind: str, target: Path, options: CommandOptions, same: Callable[[Any], bool]) -> bool:
+def _is_finished(kind: str, target: Path, options: CommandOptions, is_same: Callable[[Any], bool]) -> bool:
     """True if the file has the complete requested result, which is then printed."""
     if journal_path(target).exists() or not is_result_of_kind(target, kind):
         return False
     stored: Any = load(target, kind)
     if not stored.outcome.usable or stored.beamsim_version != __version__:
         return False
-    if not same(stored):
+    if not is_same(stored):
         return False
     if not options.quiet:
         say(f"beamsim: {target} is complete; there is nothing to compute")
@@ -279,15 +279,15 @@ def _is_finished(kind: str, target: Path, options: CommandOptions, same: Callabl
     return True
 
 
-def _say_known(journal: Journal, cases: str, target: Path, options: CommandOptions) -> None:
+def _report_saved_cases(journal: Journal, cases: str, target: Path, options: CommandOptions) -> None:
     """Report the number of cases from an earlier call."""
     if not journal.outcomes:
-        _say_begins(target, options)
+        _report_no_resume(target, options)
     elif not options.quiet:
         say(f"beamsim: {len(journal.outcomes)}{cases} are already computed")
 
 
-def _say_begins(target: Path, options: CommandOptions) -> None:
+def _report_no_resume(target: Path, options: CommandOptions) -> None:
     """Report that ``--resume`` found nothing; a case from a result file is saved to another file."""
     if not options.resume or options.quiet:
         return
@@ -302,10 +302,10 @@ def _find_coexisting(scenario: Scenario, target: Path, options: CommandOptions, 
         return
     path, fingerprint = journal_path(target), fingerprint_of(scenario, as_plain_data(scenario))
     with opened_journal(path, fingerprint, resume=options.resume) as journal, interruptible() as interrupted:
-        _say_known(journal, " starts and disturbances", target, options)
+        _report_saved_cases(journal, " starts and disturbances", target, options)
         known = tuple(journal.solved)
         with (
-            _naming_kept(journal, " starts and disturbances", interrupted),
+            _reporting_saved_cases(journal, " starts and disturbances", interrupted),
             progress_of("motions from many starts", shown=not options.quiet) as progress,
             scenario.locating(),
         ):

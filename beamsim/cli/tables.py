@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pkgutil import resolve_name
 from typing import Any, NamedTuple, get_args
 
-from beamsim.cli.screens import MOST_ROWS, NONE, WIDTH, Errors, align_columns, understood_of
+from beamsim.cli.screens import MOST_ROWS, NO_VALUE, WIDTH, Errors, align_columns, interpretation_text
 from beamsim.cli.session import show
 from beamsim.kinds import KINDS
 from beamsim.plots.style import amount, use_units, value_text
@@ -22,7 +22,7 @@ from beamsim.results.result import Result
 from beamsim.summaries import Entry, Plain, complete_entry, place_in_words, unit_in, words
 
 # entries about values, which are printed with these values
-OF_VALUES = ("status", "convergence", "doubtful", "after_divergence", "peak_times_s", "peak_frequencies_hz",
+VALUE_ENTRIES = ("status", "convergence", "doubtful", "after_divergence", "peak_times_s", "peak_frequencies_hz",
              "output_unit")  # fmt: skip
 ACRONYMS = ("fdac", "frac", "mac", "psd", "srs")
 Row = tuple[str, str]
@@ -41,7 +41,7 @@ def all_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of all rows of a result's table: the first screen, then the complete summary."""
     screen = resolve_name(KINDS[kind].screen)(result)
     yield from _labelled("status", filter(None, screen.status(result)))
-    yield from _labelled("understood", filter(None, [understood_of(result)]))
+    yield from _labelled("understood", filter(None, [interpretation_text(result)]))
     yield from _labelled("result", screen.body())
     yield from table_rows(result)
 
@@ -50,15 +50,15 @@ def table_rows(result: Result) -> Iterator[Row]:
     """Label and text of the summary rows, section by section."""
     tables: dict[str, dict[str, dict[str, str]]] = {}
     errors = Errors(result)
-    for entry in (complete_entry(type(result), e) for e in type(result).SUMMARY if e.name not in OF_VALUES):
+    for entry in (complete_entry(type(result), e) for e in type(result).SUMMARY if e.name not in VALUE_ENTRIES):
         value = result.summary.get(entry.name)
         if value is not None:
-            for cell in _Printed(result, entry, errors).cells(value, entry.form):
+            for cell in _PrintedEntry(result, entry, errors).cells(value, entry.form):
                 if cell.text:
                     tables.setdefault(cell.title, {}).setdefault(cell.row, {})[cell.column] = cell.text
     for title, table in tables.items():
         yield from _labelled(title, _table_lines(table))
-    yield from _labelled("other errors", align_columns(list(errors.others()), gap=2))
+    yield from _labelled("other errors", align_columns(list(errors.other_errors()), gap=2))
     if (used := result.command_processor_time_s) is not None:
         yield "processor time of the command", f"{amount(used, 's')}, with its workers"
     yield "wall time", amount(result.wall_time_s, "s")
@@ -107,7 +107,7 @@ def _labelled(label: str, texts: Iterable[str]) -> Iterator[Row]:
         yield "" if k else label, text
 
 
-class _Printed(NamedTuple):
+class _PrintedEntry(NamedTuple):
     """Summary entry of a result as table cells."""
 
     result: Result
@@ -117,7 +117,7 @@ class _Printed(NamedTuple):
     def cells(self, value: Any, form: Any, place: tuple[str, ...] = ()) -> Iterator[Cell]:
         """Cells of a value at a place, whose type the entry declares."""
         title, row = _heading(self.entry.name), place_in_words(self.entry.name, " ".join(place))
-        if isinstance(value, Mapping) and self._by_place(value, form, place):
+        if isinstance(value, Mapping) and self._is_keyed_by_place(value, form, place):
             of_each = (get_args(form) or (None, None))[1]
             for name, each in value.items():
                 yield from self.cells(each, of_each, (*place, name))
@@ -129,7 +129,7 @@ class _Printed(NamedTuple):
             own = "" if place or self.entry.section else "summary"
             yield Cell(self.entry.section or own or title, row, title, self._text(value, place))
 
-    def _by_place(self, value: Mapping[str, Any], form: Any, place: tuple[str, ...]) -> bool:
+    def _is_keyed_by_place(self, value: Mapping[str, Any], form: Any, place: tuple[str, ...]) -> bool:
         """True if the keys of a mapping are names of places; keys of a record are names of values."""
         if form is None:  # a field of the result
             return not place and all(isinstance(each, Mapping) for each in value.values())
@@ -193,35 +193,35 @@ def _is_table(value: Any) -> bool:
 
 
 def _leaves(
-    record: Mapping[str, Any], before: tuple[str, ...] = ()
+    record: Mapping[str, Any], parent_keys: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], Any, Mapping[str, Any]]]:
     """Keys of every value of a record (or of records by name), the value, and its record."""
     for name, value in record.items():
         if isinstance(value, Mapping) and not _has_records(value):
-            yield from _leaves(value, (*before, name))
+            yield from _leaves(value, (*parent_keys, name))
         else:
-            yield (*before, name), value, record
+            yield (*parent_keys, name), value, record
 
 
 def _has_records(value: Mapping[str, Any]) -> bool:
     return bool(value) and all(isinstance(each, Mapping) for each in value.values())
 
 
-def _by_name(value: Mapping[str, Any], before: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+def _by_name(value: Mapping[str, Any], parent_keys: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Records by their names, which may have several levels."""
     for name, each in value.items():
         if _has_records(each):
-            yield from _by_name(each, (*before, name))
+            yield from _by_name(each, (*parent_keys, name))
         else:
-            yield (*before, name), each
+            yield (*parent_keys, name), each
 
 
 def _heading(*keys: str) -> str:
     """Keys of a summary in words; paths of the scenario remain unchanged."""
-    return " ".join(key if "." in key else " ".join(map(_spelt, words(key).split())) for key in keys)
+    return " ".join(key if "." in key else " ".join(map(_capitalise_acronym, words(key).split())) for key in keys)
 
 
-def _spelt(word: str) -> str:
+def _capitalise_acronym(word: str) -> str:
     return word.upper() if word in ACRONYMS else word
 
 
@@ -234,13 +234,16 @@ def _table_lines(table: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
         return
     columns = [column for column in dict.fromkeys(c for row in table.values() for c in row) if column]
     if len(table) < len(columns):
-        table = {column: {place: row.get(column, NONE) for place, row in table.items()} for column in columns}
+        table = {column: {place: row.get(column, NO_VALUE) for place, row in table.items()} for column in columns}
         columns = list(dict.fromkeys(c for row in table.values() for c in row))
     while columns:
         count = len(columns)
         while True:
             lines = align_columns(
-                [["", *columns[:count]], *([p, *(r.get(c, NONE) for c in columns[:count])] for p, r in table.items())]
+                [
+                    ["", *columns[:count]],
+                    *([p, *(r.get(c, NO_VALUE) for c in columns[:count])] for p, r in table.items()),
+                ]
             )
             if count == 1 or max(map(len, lines)) <= WIDTH:
                 break

@@ -19,8 +19,8 @@ from beamsim.report.interactive import interactive
 from beamsim.report.page import (
     NOTE,
     Cells,
-    FirstLine,
     Page,
+    PageVerdict,
     caption_plot,
     label_rows,
     picture,
@@ -37,8 +37,8 @@ from beamsim.summaries import place_in_words, value_in_words
 from beamsim.system.structural import SnubberNumbers
 from beamsim.trust.convergence import numbers_by_place
 
-ERRORS_SHOWN = 60
-FIRST = (
+MOST_ERRORS = 60
+PICTURE_ORDER = (
     "srs", "random", "displacement", "response_.*", "contact(_force.*)?", "backbone|frequency_energy", "maps|slices",
     "acceleration", "spectrum",
 )  # fmt: skip
@@ -61,7 +61,7 @@ CHECKS = {
     "exact and reference": "the same case integrated in time by SciPy",
 }
 """Meaning of rows of the printed table for the reliability of the others, by label."""
-HOW_TO_READ = (
+READING_NOTES = (
     '<p class="note screen">Drag to zoom, double-click to go back, click a name in a legend to hide its curve. '
     "Long curves are thinned to what a screen shows; the result file has every point.</p>"
 )
@@ -117,7 +117,7 @@ def page_of(
     plots = {name: interactive(figure) for name, figure in figures.items()}
     page.add(
         "Plots",
-        HOW_TO_READ if any(plots.values()) else "",
+        READING_NOTES if any(plots.values()) else "",
         *(page.plot(name, panels, figures[name].columns) for name, panels in plots.items() if panels),
         *(caption_plot(name, picture(figures[name], name)) for name, panels in plots.items() if not panels),
     )
@@ -130,30 +130,30 @@ def page_of(
     return page
 
 
-def verdict_of(result: Result) -> FirstLine:
+def verdict_of(result: Result) -> PageVerdict:
     """Overall verdict: first the limits, then the reliability of the values."""
     margins = result.summary.get("margins") or {}
     standing = EXIT_RULES[result.outcome.gravest_kind]
     reasons = [str(result.outcome.in_display_units(scale_for))] if standing.first_line else []
     on = {v: [limit_label(name) for name, item in margins.items() if item["verdict"] == v] for v in Verdict}
     if on[Verdict.EXCEEDED]:
-        return FirstLine("bad", f"Limit exceeded: {', '.join(on[Verdict.EXCEEDED])}", reasons)
+        return PageVerdict("bad", f"Limit exceeded: {', '.join(on[Verdict.EXCEEDED])}", reasons)
     if standing.exit_code:
-        return FirstLine("bad", standing.first_line.capitalize(), reasons)
+        return PageVerdict("bad", standing.first_line.capitalize(), reasons)
     if on[Verdict.NOT_RELIABLE]:
-        return FirstLine("doubt", f"Neither kept nor exceeded: {', '.join(on[Verdict.NOT_RELIABLE])}", reasons)
+        return PageVerdict("doubt", f"Neither kept nor exceeded: {', '.join(on[Verdict.NOT_RELIABLE])}", reasons)
     if on[Verdict.UNDECIDED]:
         reasons += limits_not_met(result.scenario, {n: i for n, i in margins.items() if i["verdict"] != Verdict.MET})
-        return FirstLine("doubt", f"Undecided by a run of this length: {', '.join(on[Verdict.UNDECIDED])}", reasons)
+        return PageVerdict("doubt", f"Undecided by a run of this length: {', '.join(on[Verdict.UNDECIDED])}", reasons)
     if reasons:
         within = " All limits are kept." if margins else ""
-        return FirstLine("doubt", f"To be read with care.{within}", reasons)
+        return PageVerdict("doubt", f"To be read with care.{within}", reasons)
     if margins:
-        return FirstLine("good", "All limits are kept")
+        return PageVerdict("good", "All limits are kept")
     if MARGINS in type(result).SUMMARY:
         limit = "peak_force: 50 N" if result.scenario.all_snubbers else "peak_displacement: 2 mm"
-        return FirstLine("", "Complete. No limits are given", [f"{limit} among the limits gives a verdict"])
-    return FirstLine("", "Complete")
+        return PageVerdict("", "Complete. No limits are given", [f"{limit} among the limits gives a verdict"])
+    return PageVerdict("", "Complete")
 
 
 def _limits(limits: Mapping[str, Mapping[str, str]]) -> Iterator[list[str]]:
@@ -171,7 +171,10 @@ def _question(result: Result, scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 def _front(figures: Mapping[str, Picture]) -> list[tuple[str, Picture]]:
     """First panels of the most important pictures."""
-    ranks = {name: next((k for k, x in enumerate(FIRST) if fullmatch(x, name)), len(FIRST)) for name in figures}
+    ranks = {
+        name: next((k for k, x in enumerate(PICTURE_ORDER) if fullmatch(x, name)), len(PICTURE_ORDER))
+        for name in figures
+    }
     chosen = sorted(figures, key=lambda name: ranks[name])[:3]
     return [
         (name, figures[name]._replace(title="", panels=figures[name].panels[:1], size=(7.2, 2.3))) for name in chosen
@@ -241,11 +244,11 @@ def _trust(result: Result) -> Iterator[str]:
     doubtful = set(result.summary.get("doubtful") or ())
     known = sorted(numbers_by_place(result.summary.get("convergence") or {}), key=lambda each: -each[1])
     errors = []
-    for key, error in known[:ERRORS_SHOWN]:
+    for key, error in known[:MOST_ERRORS]:
         value, _, place = key.partition(".")
         mark = "! " if key in doubtful else ""
         errors.append([value_in_words(value), place_in_words(value, place), f"{mark}{100 * error:.2g} %"])
-    more = f" (the {ERRORS_SHOWN} largest of {len(known)})" if len(known) > ERRORS_SHOWN else ""
+    more = f" (the {MOST_ERRORS} largest of {len(known)})" if len(known) > MOST_ERRORS else ""
     yield table(Cells(("value", "of", "error"), errors, f"Error of every value, from a finer model{more}"))
     packages = ", ".join(f"{name} {version}" for name, version in result.provenance.items())
     yield label_rows([("made with", f"beamsim {result.beamsim_version}, {packages}"), ("created", result.created)])

@@ -51,9 +51,7 @@ def plot(chart: Chart) -> dict[str, Any]:
         line = {"color": colour, "width": 1.5}
         if not isinstance(dashes, str):
             line["dash"] = ",".join(f"{2 * each:g}px" for each in dashes[1])
-        group = without_html(curve.label) or (
-            data[-1]["legendgroup"] if data else ""
-        )  # further parts of a curve follow it
+        group = without_html(curve.label) or (data[-1]["legendgroup"] if data else "")  # of one curve
         mode = "lines" if not style.get("marker") else "markers" if dashes == "none" else "lines+markers"
         thin = thin_out(curve.x, curve.y, MOST_POINTS)
         data.append(

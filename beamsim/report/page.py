@@ -27,7 +27,7 @@ from beamsim.plots.drawing import Picture, write
 
 
 @dataclass(frozen=True)
-class FirstLine:
+class PageVerdict:
     """Verdict at the top of the page."""
 
     kind: str  # good, bad, doubt, or empty without a verdict
@@ -59,7 +59,7 @@ class Page:
 
     title: str
     about: str
-    verdict: FirstLine
+    verdict: PageVerdict
     sections: list[tuple[str, str]] = field(default_factory=list)  # heading and HTML
     plots: list[dict[str, Any]] = field(default_factory=list)
     animation: dict[str, Any] | None = None
@@ -80,10 +80,10 @@ class Page:
         )
         return caption_plot(name, f'<div class="pair">{places}</div>' if columns > 1 else places)
 
-    def animated(self, scene: dict[str, Any], note: str) -> str:
+    def animated(self, scene: dict[str, Any], caption: str) -> str:
         """Canvas that plays a scene (one per page), as HTML."""
         self.animation = scene
-        return player_html(scene, note)
+        return player_html(scene, caption)
 
     def html(self) -> str:
         """Complete page."""

@@ -83,7 +83,7 @@ def test_a_number_has_the_digits_that_its_convergence_supports(error, text):
     errors = Errors(SimpleNamespace(summary=summary))
     assert errors.number(19.4, "N", "peak_force_n", "tip") == text
     assert len(list(errors.legend())) == len(doubtful)
-    assert list(errors.others()) == []
+    assert list(errors.other_errors()) == []
     said = "" if error is None else errors.text("peak_force_n", "tip")
     assert said == {None: "", 0.0: "no error", 0.05: "NOT CONVERGED, error 5 %"}.get(error, said)
 
@@ -100,5 +100,5 @@ def test_one_reading_of_the_convergence_serves_numbers_and_table():
     assert errors.number(3e6, "Pa", "largest_bending_stress_pa") == "3.00 MPa *"
     assert errors.number(np.nan, "N", "peak_force_n", "root") == "unknown"
     assert len(list(errors.legend())) == 2
-    assert dict(errors.others()) == {"peak force of root": "error 1 %"}
+    assert dict(errors.other_errors()) == {"peak force of root": "error 1 %"}
     assert errors.text("peak_force_n", "tip") == "one of many motions, error 0.1 %"
