@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +16,7 @@ WORDS = ROOT / "tests" / "data" / "words.yaml"
 
 
 def definitions(tree, place):
-    """Name and place of every function, class, argument and field of a module, nested ones included.
+    """Name and place of every function, class, argument, field and constant of a module, nested ones included.
 
     The place of what a module defines is the path of its file, that of a member or an argument
     ``path:Class.function``.
@@ -28,11 +29,9 @@ def definitions(tree, place):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg)
             yield from ((each.arg, below) for each in every if each is not None)
-        if isinstance(node, ast.ClassDef):
-            for statement in node.body:
-                targets = [statement.target] if isinstance(statement, ast.AnnAssign) else []
-                targets = statement.targets if isinstance(statement, ast.Assign) else targets
-                yield from ((target.id, below) for target in targets if isinstance(target, ast.Name))
+        if isinstance(node, ast.AnnAssign | ast.Assign) and isinstance(tree, ast.ClassDef | ast.Module):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                yield from ((name.id, place) for name in ast.walk(target) if isinstance(name, ast.Name))
         yield from definitions(node, below)
 
 
@@ -57,9 +56,12 @@ def replaced():
 
 def breaches(found, entries):
     """A line for each definition that has a name which was replaced at its place."""
+    places = defaultdict(list)
+    for word, within, term in entries:
+        places[word].append((within, term))
     for name, place in found:
-        for word, within, term in entries:
-            if word == name.lstrip("_") and (place == within or place.startswith(tuple(f"{within}{c}" for c in "/:."))):
+        for within, term in places[name.lstrip("_")]:
+            if place == within or place.startswith(tuple(f"{within}{c}" for c in "/:.")):
                 yield f"{place}: {name} is called {term}"
 
 
