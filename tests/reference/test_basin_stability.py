@@ -43,8 +43,8 @@ def states(result):
     }
 
 
-def test_80_starts_end_where_dop853_with_events_takes_them():
-    result = beamsim.coexisting(oscillator(80), workers=1)
+def test_30_starts_end_where_dop853_with_events_takes_them():
+    result = beamsim.coexisting(oscillator(30), workers=1)
     known, times = states(result), np.array([60.0 / 14.0])
     assert len(known) == 2
     stop, structure = Stop(np.ones(1), 4e4, gap=2e-3), chain([1.0], [4e3, 0.0], [4.0, 0.0])
@@ -61,7 +61,7 @@ def test_80_starts_end_where_dop853_with_events_takes_them():
 
 
 def test_the_result_does_not_depend_on_the_workers():
-    one, two = (beamsim.coexisting(oscillator(60), workers=workers) for workers in (1, 2))
+    one, two = (beamsim.coexisting(oscillator(20), workers=workers) for workers in (1, 2))
     np.testing.assert_array_equal(*(each["starts"]["destination"].values for each in (one, two)))
     np.testing.assert_array_equal(one["starts"]["cycles"].values, two["starts"]["cycles"].values)
     assert rows(one["motions"], "motion") == rows(two["motions"], "motion")
