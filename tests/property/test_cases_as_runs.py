@@ -2,7 +2,6 @@
 
 import math
 from itertools import product
-from pathlib import Path
 
 import pytest
 from sampling import first_apart
@@ -17,7 +16,6 @@ from beamsim.store.studies import journal_path, opened_journal, stored_study
 from beamsim.trust.studies import design_study
 from tests.helpers.solved import words_of
 
-EXAMPLES = sorted(Path(__file__).parents[1].joinpath("data", "examples").glob("*.yaml"))
 ALONE = {"run": beamsim.run, "continuation": beamsim.continuation}  # by analysis; all others are sweeps
 VARIED = ("run.duration", "sweep.to", "sweep.parameter.to", "excitation.level")  # the first that a scenario has
 QUICK = ("one_sided_65hz", "dry_friction", "foam_drop")
@@ -43,7 +41,7 @@ def solves_cases(path):
 
 
 NOT_OF_A_CASE = ("vary", "optimise", "nnm", "identify_stiffness")
-CASES = one_of_each_sort([path for path in [*PATHS, *EXAMPLES] if solves_cases(path)], NOT_OF_A_CASE)
+CASES = one_of_each_sort([path for path in PATHS if solves_cases(path)], NOT_OF_A_CASE)
 
 
 def shortened(path):
@@ -54,12 +52,12 @@ def shortened(path):
 
 
 def scenario_and_result(path, solve):
-    """A shipped case and its result alone: that of the command whose screen is read, too, unless it is shorter here."""
+    """A shipped case and its result alone; of a run that of the command whose screen is read, unless it is shorter."""
     section = "run" if shipped(path).sweep is None else "sweep"
     words, more = words_of(section, path), shortened(path)
     compared = {"vary": None, "optimise": None, f"{section}.convergence": "on"}
     scenario = beamsim.load_scenario(beamsim.load_scenario(path, words[3::2]), compared | more)
-    if more or shipped(path).study is not None or path in EXAMPLES or section not in asked(path):
+    if more or shipped(path).study is not None or section == "sweep" or section not in asked(path):
         return scenario, alone(scenario)
     return scenario, beamsim.load(solve(*words).file)
 
