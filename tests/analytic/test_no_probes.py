@@ -143,7 +143,7 @@ def test_every_command(tmp_path):
     assert "holds no motion of places" in refused
     craig_bampton(tmp_path, vary={"kind": "grid", "parameters": [
         {"path": "excitation.frequency", "from": 18.0, "to": 22.0, "points": 2}]})  # fmt: skip
-    assert "foot peak output" in invoke("sweep", case, "-o", file).output
+    assert "foot peak output" in invoke("sweep", case, "-o", file, "--no-plots").output
 
 
 def test_a_cubic_spring_without_probes(tmp_path):
