@@ -126,10 +126,10 @@ def test_of_what_is_never_exceeded_the_probability_is_bounded(solved_by):
 
 
 def test_intervals_hold_the_probability_as_often_as_they_say(solved_by):
-    """19 of 20."""
+    """19 of 20; of 60 for each of eight problems: `docs/probabilities.yaml`."""
     solved_by(lambda *springs: sum(springs))
-    every = [found(of_springs(2.5, method="importance_sampling", seed=seed))[1] for seed in range(20)]
-    assert sum(of["low"] < norm.sf(2.5) < of["high"] for of in every) >= 17
+    every = [found(of_springs(2.5, method="importance_sampling", seed=seed, samples=300))[1] for seed in range(12)]
+    assert sum(of["low"] < norm.sf(2.5) < of["high"] for of in every) >= 10
     spread = np.std(np.log([of["probability"] for of in every]))
     assert spread < 2.0 * np.mean([of["coefficient_of_variation"] for of in every])
 
@@ -147,7 +147,7 @@ def test_subset_simulations_are_as_sure_as_they_say(region):
     exact = probability if region == "plane" else 1.0 - (1.0 - 2.0 * norm.sf(sides)) ** count
     for seed in range(200):
         rng, origin = np.random.default_rng(seed), sampling.points_at(np.zeros((1, count)))
-        *_, last = sampling.subset_levels(state, rng, 2500, origin)
+        *_, last = sampling.subset_levels(state, rng, 1000, origin)
         each.append(last.estimate)
     found, stated = np.array(each).T
     factor = np.exp(1.96 * np.sqrt(np.log1p(stated**2)))

@@ -89,6 +89,6 @@ def number_at(case, path):
     return case["chain"]["springs" if "springs" in path else "masses"][0]
 
 
-@first_apart("seed", 3, range(18))
+@first_apart("seed", 3, range(12))
 def test_no_derivative_differs_from_one_sided_differences_of_runs_without_a_note(seed):
     assert faults(seed) == []
