@@ -246,7 +246,7 @@ def build_contacts(
         elif damping is not None:
             c = dashpot_from_ratio(damping.ratio, float(k), omega, row, rigid)
         if math.isnan(c):
-            why = "has no meaning here: no natural frequency differs from zero with this snubber closed"
+            why = "has no meaning here: every natural frequency is zero with this snubber closed"
             raise ScenarioError(Problem(f"{path_text(at.path)}.damping.ratio", why, "give the dashpot in N s/m"))
         dashpot.append(c)
     return Contacts(

@@ -316,7 +316,7 @@ class PeriodicFlow(ABC):
 
     def __post_init__(self) -> None:
         if any(law.latches for law in self.system.contacts.laws):
-            message = "have a latch, which holds for good: no periodic motion meets it"
+            message = "have a latch, which never opens again: no periodic motion closes it"
             raise MethodError("snubbers", message, "leave latch out, or use `beamsim run`")
         self.loads = PeriodicForcing.none(self.system.size) if self.forcing is None else self.forcing
         self._march_count = [0]

@@ -322,7 +322,7 @@ def _many_pieces(pieces: int) -> ScenarioError:
         "excitation",
         f"has {pieces:.3g} pieces, too many for this command or method (at most {MOST_PIECES:.0e})",
         "shorten run.duration, or give a lower excitation.sample_rate; beamsim run with one random excitation "
-        "and method: exact takes any number",
+        "and method: exact accepts any number",
     )
 
 

@@ -134,7 +134,7 @@ def demand_rising(
     for index, (one, two) in enumerate(pairwise(values), start=1):
         if not two > one:
             raise InvalidValueError(
-                f"= {two:g} {unit} does not lie above the one before, {one:g} {unit}", remedy, path_of(index)
+                f"= {two:g} {unit} is not larger than the one before, {one:g} {unit}", remedy, path_of(index)
             )
 
 

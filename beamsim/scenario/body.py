@@ -193,7 +193,7 @@ class PlacedItem(PointOfBody):
         place = self.place
         body = scenario.all_bodies.get(place.body or scenario.default_body)
         if body is not None and place.position is not None and body.support_at(place.position):
-            yield f"{path_text(path)} sits on a support, which cannot deflect"
+            yield f"{path_text(path)} is at a support, which cannot deflect"
 
 
 def refuse_unlike_directions(places: tuple[AtPlace, ...]) -> None:
@@ -351,7 +351,7 @@ class MovedSupport(Schema):
         if (self.support is None) == (self.joint is None):
             raise InvalidValueError("names neither a support nor a joint, or both", "give one of them: {support: left}")
         if self.joint is not None and self.body is not None:
-            raise InvalidValueError("belongs to a support", "leave it out: a joint has a name of its own", ("body",))
+            raise InvalidValueError("belongs to a support", "leave it out: a joint has its own name", ("body",))
 
     @property
     def label(self) -> str:
@@ -468,7 +468,7 @@ class RatioDamping(Schema):
         if ratio >= 1.0:
             known = scenario.unit_written((*path, "ratio"), ratio, units.RATIO)  # of one ratio
             meant = "" if known == "%" else f"; was {ratio:g} % meant?"
-            yield f"{path_text((*path, 'ratio'))} = {ratio:g} is critical or above{meant}"
+            yield f"{path_text((*path, 'ratio'))} = {ratio:g} is critical damping or more{meant}"
 
 
 class ModalDamping(RatioDamping):

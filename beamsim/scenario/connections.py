@@ -371,7 +371,7 @@ class SnubberBase(Named):
             raise InvalidValueError(
                 "does not go with law: no_tension", "leave one of the two out: a latch pulls as well", ("latch",)
             )
-        remedy = "leave one of the two out: a latch is a spring that holds in both directions"
+        remedy = "leave one of the two out: a latch is a spring that acts in both directions"
         self.exclude("latch", self.key_of("force_deflection"), "maxwell", "hardening", "unloading", remedy=remedy)
 
     def _check_force(self) -> None:
@@ -601,7 +601,8 @@ class FrictionBase(Named):
         elif abs(self.start_force) >= self.static_force:
             limit = "coefficient times normal_force"
             raise InvalidValueError(
-                f"= {self.start_force:g} N is not held: the contact sticks below {limit} = {self.static_force:g} N",
+                f"= {self.start_force:g} N is too large: the contact sticks only below "
+                f"{limit} = {self.static_force:g} N",
                 "give a smaller force, or unstressed", ("start",),
             )  # fmt: skip
 
@@ -703,7 +704,7 @@ class Joint(Named):
                 )
         itself = len(names) == 2 and names[0] == names[1] and names[0] in bodies
         if itself and getattr(self, "kind", "") != "spring" and bodies[names[0]].has_slope:
-            message = f"joins {names[0]} to itself: the two points would have to deflect alike"
+            message = f"joins {names[0]} to itself: its two points cannot move relative to each other"
             yield problem(path, message, "use kind: spring")
 
     def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
@@ -711,8 +712,8 @@ class Joint(Named):
         for apart in place_bodies(scenario.joints, scenario.all_bodies, scenario.default_body).joint_gaps:
             if ("joints", apart.index) == path:
                 yield (
-                    f"{path_text(path)} joins points that lie {1e3 * apart.distance:g} mm apart, as the joints before "
-                    f"it place {apart.second_body}: it acts as if they were together; check its positions"
+                    f"{path_text(path)} joins points {1e3 * apart.distance:g} mm apart, since the joints before it "
+                    f"place {apart.second_body}: it acts as if they coincided; check its positions"
                 )
 
 
@@ -885,7 +886,7 @@ class HingeJoint(_RotatingJoint):
         super().check()
         if self.free_play and not self.rotational_stiffness:
             remedy = "give the rotational_stiffness that acts beyond the play"
-            raise InvalidValueError("belongs to a spring, and there is none", remedy, ("free_play",))
+            raise InvalidValueError("needs a spring, but there is none", remedy, ("free_play",))
 
     @property
     def linear_rotation(self) -> float:
@@ -1040,6 +1041,6 @@ def base_problems(scenario: Whole, path: Path, direction: str, motion: str) -> P
     known = place_bodies(scenario.joints, bodies, scenario.default_body).of_first_group
     if direction.startswith("r") and len(bodies) > 1 and bodies.keys() - known.keys():
         yield problem(
-            path, f"{motion} turns several bodies, and joints do not say how {', '.join(bodies)} lie to one another",
+            path, f"{motion} rotates several bodies, but joints do not define the positions of {', '.join(bodies)}",
             "join them by points of beams, or model them as one body",
         )  # fmt: skip

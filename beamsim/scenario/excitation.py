@@ -183,7 +183,7 @@ class DrivenInput(Input):
         quantity = self.quantity
         for path, level in self.levels():
             if (of := q.meant(level)) not in (None, quantity):
-                message = f"is given in a unit of {quantity_text(of)}, where {_with_article(quantity)} is meant"
+                message = f"has a unit of {quantity_text(of)}, but {_with_article(quantity)} is required"
                 raise InvalidValueError(message, "give the level in another unit, or set quantity", path)
         if quantity not in self.level_quantities:
             self._refuse_quantity()
@@ -318,7 +318,7 @@ class _LevelAt(Schema):
             )
         if self.quantity_ not in (None, q.meant(self.level) or self.quantity_):
             raise InvalidValueError(
-                f"is given in a unit of {q.meant(self.level)}, where {self.quantity_} is meant", "leave out quantity",
+                f"has a unit of {q.meant(self.level)}, but {self.quantity_} is required", "leave out quantity",
                 ("level",),
             )  # fmt: skip
 
@@ -340,9 +340,7 @@ class Notch(_LevelAt, FrequencyRange):
 def check_profile(points: tuple[ProfilePoint, ...], between: Between) -> None:
     """Refuse a table whose frequencies do not increase; raises `InvalidValueError`."""
     if between != "held" and not points:
-        raise InvalidValueError(
-            f"= {between} lies between points of a profile, and there is none", "leave it out", ("between",)
-        )
+        raise InvalidValueError(f"= {between} needs a profile, but there is none", "leave it out", ("between",))
     demand_rising((point.frequency for point in points), "Hz", lambda k: ("profile", k, "frequency"))
     for index, point in enumerate(points):
         if between == "log_log" and point.level == 0:
@@ -735,7 +733,7 @@ class SampledInput(DrivenInput, RecordPreparation):
             raise InvalidValueError(error.message, error.remedy, ("unit",)) from None
         if stated is not None and self.quantity_ not in (None, stated):
             raise InvalidValueError(
-                f"is a unit of {stated}, where {self.quantity_} is meant", "change one of them", ("unit",)
+                f"is a unit of {stated}, but {self.quantity_} is required", "change one of them", ("unit",)
             )
         super().check()
         if self.quantity in q.INTEGRALS and self.interpolation == "linear":
@@ -777,7 +775,7 @@ def _demand_rising_or_steps(frequency: Sequence[float], path_of: Callable[[int],
         again = here == before and (k in (1, len(frequency) - 1) or frequency[k - 2] == here)
         if here < before or again:
             raise InvalidValueError(
-                f"= {here:g} Hz does not lie above the one before, {before:g} Hz", remedy, path_of(k)
+                f"= {here:g} Hz is not larger than the one before, {before:g} Hz", remedy, path_of(k)
             )
 
 
@@ -952,7 +950,7 @@ class MatchedInput(DrivenInput):
         run = scenario.run
         if path[0] == "excitation" and run is not None and run.duration < self.duration * (1 - 1e-9):
             message = f"= {run.duration:g} s ends before the matched record, of {self.duration:g} s"
-            yield problem(("run", "duration"), message, "run longer: what follows the record counts, too")
+            yield problem(("run", "duration"), message, "run longer: the motion after the record counts too")
 
 
 SingleExcitation = (

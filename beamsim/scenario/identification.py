@@ -193,7 +193,7 @@ class MeasuredShapes(Schema):
         sought = scenario.identify_stiffness.snubber
         bodies = next((each.bodies for each in scenario.located_snubbers if each.item.name == sought), ())
         if len(bodies) > 1:
-            message = f"holds the shapes of one body, and {sought} acts between {' and '.join(bodies)}"
+            message = f"contains the shapes of one body, but {sought} acts between {' and '.join(bodies)}"
             yield problem(path, message, "leave it out")
         elif bodies and bodies[0] in scenario.all_bodies:
             body, where = scenario.all_bodies[bodies[0]], scenario.body_path(bodies[0])
@@ -592,7 +592,7 @@ def _sought_places(scenario: Whole, parameter: ParameterToIdentify, *, words: bo
         raise InvalidValueError(f"= [{low:g}, {high:g}] is empty", "give the lower bound first", ("bounds",))
     if not low <= values[0] <= high:
         raise InvalidValueError(
-            f"= [{low:g}, {high:g}] does not hold the scenario's value {values[0]:g}, where the search starts",
+            f"= [{low:g}, {high:g}] does not contain the scenario's value {values[0]:g}, where the search starts",
             "widen the bounds, change the value, or write the unit", ("bounds",),
         )  # fmt: skip
     return places

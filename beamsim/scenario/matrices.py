@@ -97,7 +97,7 @@ class RecoverySource(MatrixSource):
         """Require unique names."""
         for k, name in enumerate(self.rows):
             if name in self.rows[:k]:
-                raise InvalidValueError(f"names {name} twice", "give each row a name of its own", ("rows", k))
+                raise InvalidValueError(f"names {name} twice", "give each row its own name", ("rows", k))
 
 
 class StructuralDamping(Schema):

@@ -48,7 +48,7 @@ class MotionOutput(Output, PlacedItem):
         yield from super().problems(scenario, path)
         _, body = named_body(scenario, self)
         if self.kind == "rotation" and body is not None and not body.has_slope:
-            message = f"asks for a slope, but the points of a {body.body_kind} have none"
+            message = f"requests a slope, but the points of a {body.body_kind} have none"
             yield problem(path, message, "name a point of a beam")
 
 
@@ -89,7 +89,7 @@ class BendingOutput(Output, PlacedItem):
         elif self.kind != "bending_moment" and not body.gives_stress:
             yield problem(
                 path, f"needs the outermost fibre of {name}, which does not follow from its bending stiffness",
-                "give a section, or ask for kind: bending_moment",
+                "give a section, or use kind: bending_moment",
             )  # fmt: skip
 
 
@@ -118,7 +118,7 @@ class ReactionOutput(Output):
         if self.about is not None and not (of_base and is_moment):
             yield problem((*path, "about"), "belongs to the moment of the base", "leave it out")
         if of_base and self.body is not None:
-            yield problem((*path, "body"), "belongs to a support; the base holds all bodies", "leave it out")
+            yield problem((*path, "body"), "is valid for a support only; the base supports all bodies", "leave it out")
         elif of_base and (is_moment or self.direction is not None):
             direction = self.direction or ("ry" if is_moment else "z")
             yield from base_problems(scenario, (*path, "direction"), direction, f"= {direction}")
@@ -462,7 +462,7 @@ def unit_problems(path: Path, limit: float, dimension: units.Dimension | None, q
     """
     stated = q.meant(limit)
     if dimension is None and stated is not None:
-        yield problem(path, "has a unit, and the output has one of its own", "give a plain number in that unit")
+        yield problem(path, "has a unit, but the output has its own unit", "give a plain number in that unit")
     elif dimension is not None and stated not in (None, _ENERGIES_AND_FORCES.get(dimension.unit, dimension.unit)):
         yield problem(path, f"is in {stated or 'no unit'}, {quantity_text}", f"write {dimension.example}")
 

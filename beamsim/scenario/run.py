@@ -72,7 +72,7 @@ class ImpactSettings(Schema):
         """Problems: no snubbers, or a method without statistics."""
         yield from closed_form_problems(scenario, path)
         if not scenario.all_snubbers:
-            yield problem(path, "needs a snubber, and there is none", "leave it out, or add a snubber")
+            yield problem(path, "needs a snubber, but there is none", "leave it out, or add a snubber")
 
 
 class StressLife(Schema):
@@ -427,7 +427,7 @@ class Run(Schema):
         elif rate * self.duration > MOST_SAMPLES:
             given = f"= {rate:g} Hz over run.duration = {self.duration:g} s"
             if self.sample_rate is None:
-                given = f"= {self.duration:g} s at the {rate:g} Hz that the excitation asks for"
+                given = f"= {self.duration:g} s at the {rate:g} Hz that the excitation requires"
             yield problem(
                 place, f"{given} gives {rate * self.duration:.3g} samples, over the limit of {MOST_SAMPLES:.0e}",
                 "contacts are found exactly at any sample rate; use a lower one, or a shorter run",

@@ -142,7 +142,7 @@ DIMENSIONS: dict[str, Dimension] = {
 
 AnyBody = Annotated[
     AnyBeam | Chain | MatricesBody | Plate | StiffnessPlate,
-    Variants("does not say which kind of body it is", "give kind: beam, chain, plate or matrices"),
+    Variants("does not show which kind of body it is", "give kind: beam, chain, plate or matrices"),
 ]
 
 

@@ -450,7 +450,10 @@ class Reliability(_CaseSection):
                 "write monte_carlo" if matched else "write subset, or monte_carlo",
             )  # fmt: skip
         elif matched and self.method == "subset":
-            message = "= subset takes small steps between realisations, and a matched record has none between two seeds"
+            message = (
+                "= subset needs small steps between realisations, but a matched record cannot change gradually between "
+                "two seeds"
+            )
             yield problem((*path, "method"), message, "write monte_carlo")
         for k, parameter in enumerate(self.parameters):
             with suppress(InvalidValueError):  # reported with the parameter
@@ -728,7 +731,7 @@ def _resolved_catalogue(scenario: Whole, catalogue: Catalogue) -> VariedParamete
         raise InvalidValueError(f"cannot be set: {message}", remedy, ("choices", name))
     if idle := {place[0] for changes in choices.values() for place in changes} & {*_SECTIONS}:
         raise InvalidValueError(
-            f"set {idle.pop()}, on which no case depends", "set what the structure is made of", ("choices",)
+            f"set {idle.pop()}, on which no case depends", "set properties of the structure", ("choices",)
         )
     nominal = next((name for name, changes in choices.items() if not changes), UNCHANGED_CHOICE)
     return VariedParameter(catalogue.name, (), "1", nominal, tuple(choices), choices=choices)

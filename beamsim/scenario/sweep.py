@@ -302,7 +302,7 @@ class SineAnalysis(Schema):
             message = (
                 f"reports accelerations that run.low_pass = {run.low_pass:g} Hz, the band of runs, does not filter"
             )
-            yield problem(path, message, "leave the run out here (run: null), or its low_pass, or the sweep")
+            yield problem(path, message, "remove the run (run: null), or its low_pass, or the sweep")
         yield from level_problems(scenario, path, self)
         if not unfit:
             yield from self.problems_with_sine(scenario, path)
@@ -427,7 +427,7 @@ class Continuation(SineAnalysis):
                 section,
                 f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {present:g}, "
                 "where the folds are found",
-                "widen the range to hold it",
+                "widen the range to include it",
             )
 
     def _demand_one_range(self) -> None:
@@ -490,7 +490,7 @@ class _DirectedSweep(SineAnalysis, FrequencyRange):
     def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
         """A problem if impacts are requested without contacts."""
         if self.impacts and not scenario.all_snubbers and not any(scenario.listed("friction")):
-            message = "needs a snubber or friction, and there is none"
+            message = "needs a snubber or friction, but there is none"
             yield problem((*path, "impacts"), message, "leave it out, or add a snubber")
 
     @property

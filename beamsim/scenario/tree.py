@@ -213,7 +213,7 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, file: str | None) ->
     elif mark and line[mark.column : mark.column + 1] == "*":
         remedy = "quote text that begins with *"
     elif opened := _open_bracket(error, text):
-        remedy = f"is the {opened} closed, with a comma between all that it holds?"
+        remedy = f"is the {opened} closed, with commas between its items?"
     elif mark and error.problem in (
         "mapping values are not allowed here",
         "expected '<document start>', but found '<block mapping start>'",
@@ -313,7 +313,7 @@ class _Reader:
         for source in node.value if isinstance(node, yaml.SequenceNode) else [node]:
             if not isinstance(source, yaml.MappingNode):
                 remedy = "merge an alias of a mapping: <<: *name"
-                self._problem(path, "merges (<<) what is not a mapping", remedy, key_node)
+                self._problem(path, "merges (<<) a value that is not a mapping", remedy, key_node)
                 continue
             merged = self.data(source, path)
             for key, value in merged.items():

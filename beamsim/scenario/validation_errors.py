@@ -114,7 +114,7 @@ def describe(root: type[Schema], error: ErrorDetails) -> tuple[Path, str, str]:
         case "too_short" | "too_long":
             least, most = context.get("min_length"), context.get("max_length")
             bound = f"at most {most}" if least is None else f"at least {least}"
-            return path, f"has {count_text(len(value), 'value')}, and takes {bound}", _field_text(schema, field)
+            return path, f"has {count_text(len(value), 'value')}, but takes {bound}", _field_text(schema, field)
     return path, shown + "is not accepted: " + error["msg"][:1].lower() + error["msg"][1:], ""
 
 

@@ -53,7 +53,7 @@ def named_structure(structure: Structure) -> tuple[NamedMatrices, Any]:
     else:
         if np.any(structure.base_load(UPWARDS)[1]):
             raise MethodError(
-                "springs", "to the ground hold the structure, which a node that moves with the base cannot stand for",
+                "springs", "to the ground connect the structure to a fixed point, which a base node cannot represent",
                 "leave them out, or make them joints to the base",
             )  # fmt: skip
         everything: Any = vstack([member.expansion for member in structure.members], format="csr")
@@ -176,7 +176,7 @@ def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> N
     size = len(matrices.table.dofs)
     inner = np.setdiff1d(np.arange(size), boundary)
     if not boundary.size or not inner.size:
-        raise MethodError("boundary", "is empty" if inner.size else "holds every degree of freedom", "name places")
+        raise MethodError("boundary", "is empty" if inner.size else "fixes every degree of freedom", "name places")
     stiffness, mass = (matrix.tocsr()[inner][:, inner].tocsc() for matrix in (matrices.stiffness, matrices.mass))
     try:
         factors = symmetric_lu(stiffness)
@@ -185,7 +185,7 @@ def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> N
         held = False
     if not held:
         raise MethodError(
-            "boundary", "does not hold the structure: it moves without force",
+            "boundary", "does not restrain the structure: it can move without force",
             "let more places act on it: snubbers, springs, joints, probes",
         )  # fmt: skip
     modes = lowest_eigenpairs(stiffness, mass, min(mode_count, inner.size), 0.0, factors)[1]

@@ -63,7 +63,7 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         stiffness = stiffness.real
         if section.structural_damping is None and np.any(structural.data):
             raise MethodError(
-                "stiffness", "is complex: structural damping has no motion in time of its own",
+                "stiffness", "is complex: structural damping has no equivalent in the time domain",
                 "convert it at a frequency, structural_damping: {frequency: 50 Hz}, or give a real matrix",
             )  # fmt: skip
     elif section.structural_damping is not None and structural is None:
@@ -122,7 +122,7 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_row
         node, direction = table.dofs[int(loose[0])]
         others = f" and {loose.size - 1} more" if loose.size > 1 else ""
         raise MethodError(
-            "stiffness", f"is zero at node {node} {direction}{others}, which has mass: nothing holds it",
+            "stiffness", f"is zero at node {node} {direction}{others}, which has mass: nothing restrains it",
             "constrain it in the model that writes the matrices, or connect it there by a spring",
         )  # fmt: skip
     used = np.flatnonzero(np.any(np.array(entries) > 0.0, axis=0))
@@ -338,7 +338,7 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
         trusted = False
     if not trusted:
         raise MethodError(
-            "mass", "leaves degrees of freedom without mass that the stiffness does not hold either",
+            "mass", "has degrees of freedom with neither mass nor stiffness",
             "constrain them in the model that writes the matrices (AUTOSPC), or leave their rows out",
         )  # fmt: skip
     whole = massive - massless @ csc_array(follow)
@@ -421,7 +421,7 @@ def base_influence(
         worst = matrices.table.dofs[int(np.argmax(np.abs(force)))]
         raise MethodError(
             "base", f"needs {np.abs(force).max():.4g} N for a unit motion, at node {worst[0]} {worst[1]}: "
-            "the stiffness holds the structure to something that does not move with the base",
+            "the stiffness connects the structure to something that does not move with the base",
             "remove springs to ground from the model, name all supported nodes, or use base: free",
         )  # fmt: skip
     return influence

@@ -42,7 +42,7 @@ from beamsim.typing import Floats, Ints
 # A motion is rigid if its forces are below this fraction of the absolute contributions, and its frequency is far below
 # the next one.
 _RIGID, _GAP = 1e-9, 1e-5
-NOT_HELD_REMARK = "the base does not hold it"
+NOT_HELD_REMARK = "the base does not restrain it"
 """Beginning of the remark on motions without stiffness although there is a base."""
 DENSE_SHARE = 0.8  # share of node pairs, above which a matrix is not one of elements
 _COUNT_OFFSETS = (
@@ -113,7 +113,7 @@ class MatricesStructure(BodyStructure):
         number = self.row_number(place)
         if number is None:
             if node in self.source_matrices.base:
-                return "node", f"= {node} moves with the base", "name a node that the base does not hold"
+                return "node", f"= {node} moves with the base", "name a node that does not move with the base"
             known = any(each == node for each, _ in self.table.dofs)
             return (
                 "direction" if known else "node",
@@ -157,7 +157,7 @@ class MatricesStructure(BodyStructure):
         """(3,) work of forces (3, rows of the files) along a motion of all rows."""
         if self.expansion.shape[0] != self.size and motion[self._rows[0]].any():
             raise MethodError(
-                "outputs", f"ask for forces of supports that move, but degrees of freedom of {self.name} without mass "
+                "outputs", f"request forces of moving supports, but degrees of freedom of {self.name} without mass "
                 "were condensed", "leave out the reactions and energies, or give these degrees of freedom a mass",
             )  # fmt: skip
         return forces @ motion
@@ -381,7 +381,7 @@ def structure_of(matrices: NamedMatrices, damping: Any = None, name: str = "") -
     held = _base_rows(matrices)
     free = np.setdiff1d(np.arange(len(matrices.table.dofs)), held)
     if not free.size:
-        raise MethodError("base", "holds every degree of freedom", "name the supported nodes alone")
+        raise MethodError("base", "fixes every degree of freedom", "name the supported nodes alone")
     table = matrices.table.part(free)
     mass, stiffness = (matrix[free][:, free].tocsc() for matrix in (matrices.mass, matrices.stiffness))
     expansion, share, condensed = _without_massless(mass, stiffness, table)

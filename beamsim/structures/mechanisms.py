@@ -29,7 +29,7 @@ def immobile_problems(structure: Structure, loaded_sites: Sequence[tuple[Path, L
     return [
         problem(
             path,
-            f"acts at {site.label}, where a joint leaves no motion: {what} has no effect there",
+            f"acts at {site.label}, where joints prevent all motion: {what} has no effect there",
             "move it along the body, or change the joint",
         )
         for path, site, what in loaded_sites

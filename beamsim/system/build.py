@@ -488,7 +488,7 @@ def _check_rigid_friction(model: ReducedModel, springs: Sequence[SpringInfo], st
         if contact.kind != FRICTION or contact.stiffness is not None:
             continue
         if coupled:
-            why = f"is missing, and {', '.join(coupled)} relaxes or sticks with a spring of its own"
+            why = f"is missing, and {', '.join(coupled)} relaxes or sticks with its own spring"
             problems.append(problem((*path, "stiffness"), why, "give the contact a tangential stiffness"))
         if getattr(contact, "mounted_on", "base") == "ground" and model.base is not None:
             why = "is missing, and the base moves while the contact sticks to the ground"

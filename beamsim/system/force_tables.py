@@ -183,7 +183,7 @@ def fit_from_zero(deflection: Floats, force: Floats, segments: int) -> FittedFor
     remarks = [] if late or width > LOOP_WIDTH else _small_offset(x, y, at_zero)
     if free := free_travel(curve):
         remarks.append(
-            f"the force begins at {1e3 * free:.3g} mm, and the curve has that free travel; if it is none, "
+            f"the force begins at {1e3 * free:.3g} mm, and the curve has that free travel; if it is not real, "
             f"{REMEDY_OF_OFFSET.format('deflection')}"
         )
     remarks += _limited(x, y)

@@ -175,7 +175,7 @@ class _OutputContext:
         fits = [each for each in held if each.direction in directions]
         if not fits:
             message = f"= {output.kind}: {output.support} exerts no such reaction in {direction}"
-            raise ScenarioError(problem((*path, "kind"), message, "ask for what it holds"))
+            raise ScenarioError(problem((*path, "kind"), message, "request a direction in which it restrains the body"))
         return self._summed(output, f"{body} {output.support}", [(1.0, fits[0])])
 
     def _of_joint(self, path: Path, output: Any) -> Channel:

@@ -186,8 +186,8 @@ def _support_of_excitation(scenario: Scenario, supports: Sequence[Support], path
     if not fits:
         held = " and ".join(dict.fromkeys("slope" if each.direction == SLOPE else each.direction for each in named))
         name = excitation.joint or excitation.support
-        message = f"= {name} does not hold {excitation.direction or 'z'}"
-        raise ScenarioError(problem((*path, key), message, f"it holds {held}"))
+        message = f"= {name} does not restrain {excitation.direction or 'z'}"
+        raise ScenarioError(problem((*path, key), message, f"it restrains {held}"))
     return check_determined(fits[0], (*path, key), ", and cannot move against them")
 
 
@@ -230,7 +230,7 @@ def check_determined(support: Support, path: Path, consequence: str) -> Support:
     if not support.determined:
         raise ScenarioError(
             problem(
-                path, f"= {support.name} constrains what others already constrain{consequence}",
+                path, f"= {support.name} constrains a motion that others already constrain{consequence}",
                 "leave out the joint that is too many, or give it a stiffness",
             )
         )  # fmt: skip

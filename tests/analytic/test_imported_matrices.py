@@ -232,7 +232,7 @@ def test_what_nothing_holds_is_named(tmp_path):
     loose = stiffness.copy()
     loose[3], loose[:, 3] = 0.0, 0.0
     text = problems(tmp_path, mass, loose, model.table)
-    assert "bodies.panel.stiffness is zero at node 3 ry, which has mass: nothing holds it" in text
+    assert "bodies.panel.stiffness is zero at node 3 ry, which has mass: nothing restrains it" in text
     assert "bodies.panel.stiffness is zero; give" in problems(tmp_path, mass, 0 * stiffness, model.table)
     table = DofTable(tuple((node, direction) for node in (1, 2, 3, 4) for direction in ("z", "ry"))[:7])
     beam_stiffness = 1e4 * np.array([[12, -6, -12, -6], [-6, 4, 6, 2], [-12, 6, 12, 6], [-6, 2, 6, 4]])
@@ -244,7 +244,7 @@ def test_what_nothing_holds_is_named(tmp_path):
     case = imported(tmp_path, np.eye(7), whole, table, base="{nodes: [1], direction: z}",
                     case=CASE.replace("{place}", "node: 4, direction: z"))  # fmt: skip
     warnings = build_system(case).warnings
-    assert "panel: the base does not hold it: a motion without stiffness, largest at node 4 z" in warnings
+    assert "panel: the base does not restrain it: a motion without stiffness, largest at node 4 z" in warnings
 
 
 def test_rows_without_mass_and_stiffness_are_left_out(tmp_path):

@@ -94,7 +94,7 @@ def test_a_step_of_a_curve_at_one_frequency(limit, quantity, unit, size, steps, 
 
 @pytest.mark.parametrize("at", [(100, 100, 200), (100, 200, 200), (100, 200, 200, 200, 300), (100, 300, 200)])
 def test_a_step_is_within_a_curve_and_has_two_points(at):
-    with pytest.raises(ScenarioError, match=r"limits\.srs\.input\[\d\]\[0\] = .* does not lie above the one before"):
+    with pytest.raises(ScenarioError, match=r"limits\.srs\.input\[\d\]\[0\] = .* is not larger than the one before"):
         step(limits={"srs": {"input": [[f, "3 g"] for f in at]}})
 
 

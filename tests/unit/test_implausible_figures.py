@@ -27,9 +27,12 @@ run: {duration: 0.1 s}
         ("snubbers.mid.gap=-0.3", "snubbers[0].gap = -0.3 m is a large prestress"),
         (
             "snubbers.mid.damping={kind: ratio, ratio: 20}",
-            "snubbers[0].damping.ratio = 20 is critical or above; was 20 %",
+            "snubbers[0].damping.ratio = 20 is critical damping or more; was 20 %",
         ),
-        ("beam.damping={kind: modal, ratio: 20}", "beam.damping.ratio = 20 is critical or above; was 20 % meant?"),
+        (
+            "beam.damping={kind: modal, ratio: 20}",
+            "beam.damping.ratio = 20 is critical damping or more; was 20 % meant?",
+        ),
     ],
 )
 def test_doubts(change, says):

@@ -140,7 +140,7 @@ def test_samples_and_modes_follow_the_band_of_the_curve(tmp_path):
     ("changed", "text"),
     [
         ({"duration": 0.01}, "is shorter than 1.5 cycles"),
-        ({"srs": [[100, "20 g"]]}, "has 1 value, and takes at least 2"),
+        ({"srs": [[100, "20 g"]]}, "has 1 value, but takes at least 2"),
         ({"srs": [[100, "20 g"], [50, "20 g"]]}, "50 Hz"),
         ({"applied_to": {"mass": 1}}, "acceleration of the base"),
         ({"srs": "none.csv"}, "none.csv"),

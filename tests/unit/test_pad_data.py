@@ -213,7 +213,7 @@ def test_free_travel_of_a_curve_is_named(tmp_path):
     stop = with_table({"file": str(file), "fit": {"segments": 3}})
     assert curves_of(stop)[0].stiffness == pytest.approx(64100.0)
     (said,) = (each for each in beamsim.run(stop).warnings if "free travel" in each)
-    assert "the force begins at 0.3 mm, and the curve has that free travel; if it is none, subtract" in said
+    assert "the force begins at 0.3 mm, and the curve has that free travel; if it is not real, subtract" in said
 
 
 def curve_of(folder, x, force, *, segments=1):

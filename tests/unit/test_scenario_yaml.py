@@ -88,7 +88,7 @@ def test_anchors_aliases_and_merge_keys():
         "both": {"x": 1, "y": 2, "z": 4},
         "same": {"x": 1, "y": 2},
     }
-    assert "merges (<<) what is not a mapping" in problems("a: {<<: 3}\n")[0]
+    assert "merges (<<) a value that is not a mapping" in problems("a: {<<: 3}\n")[0]
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ DOUBTFUL = {
     "degrees": ("excitation.phase=90", "excitation.phase = 90 rad is more than a turn, 6.283 rad; was 90 deg meant?"),
     "gravity": ("gravity=9810", "was 9810 mm/s^2 meant?"),
     "gap": ("snubbers.tip.gap=0.1", "structure of this size (more than 0.05 m); was 0.1 mm meant?"),
-    "ratio": ("beam.damping.ratio=2", "beam.damping.ratio = 2 is critical or above; was 2 % meant?"),
+    "ratio": ("beam.damping.ratio=2", "beam.damping.ratio = 2 is critical damping or more; was 2 % meant?"),
     "stop without effect": ("snubbers.tip.stiffness=0.151", "5477 N/m; was another unit meant?"),
     "slow sine": ("excitation.frequency=0.065", "times the highest frequency of the excitation, 0.065 Hz"),
 }  # fmt: skip
