@@ -277,12 +277,12 @@ def frequency_beyond(model: Structure, kept_frequencies: Floats, guess: float) -
     ----------
     model : the full model.
     kept_frequencies : (k,) scaled angular frequencies.
-    guess : an upper bound of the first of the others, such as a Ritz value beyond the kept modes.
+    guess : an upper bound of the next frequency, such as a Ritz value above the kept modes.
 
     Returns
     -------
     float
-        Scaled angular frequency; zero or nan as stated above.
+        Scaled angular frequency; zero or nan as described above.
     """
     stiffness = model.stiffness
     last = float(kept_frequencies[-1]) if kept_frequencies.size else 0.0
@@ -297,7 +297,8 @@ def frequency_beyond(model: Structure, kept_frequencies: Floats, guess: float) -
             return float(omega)
         undecided |= count is None
         if model.size > DENSE_COUNT and count is not None and count > known + 3 and omega > last:
-            # of a large model counts are dear, and its modes come about evenly: half way to where the next is expected
+            # counts are expensive for a large model, whose modes are roughly evenly spaced: halfway to the expected
+            # next frequency
             half_way = last + (omega - last) / (count - known) / 2
             limits = [half_way, *(limit for limit in limits if limit < half_way)]
     return np.nan if undecided else 0.0
@@ -305,11 +306,11 @@ def frequency_beyond(model: Structure, kept_frequencies: Floats, guess: float) -
 
 @dataclass(frozen=True)
 class ReceptanceBound:
-    """Largest errors of the reduced receptance, over the size of the receptances.
+    """Largest errors of the reduced receptance, relative to the receptances.
 
-    0 where all modes are kept; infinite where the modes kept lack some below the highest of the frequencies; nan where
-    round-off leaves that open. The size of a receptance is the geometric
-    mean of those at its two places, each of which is its static compliance or, near resonances, its present amount.
+    0 if all modes are kept; infinite if modes below the highest frequency are missing; nan if round-off hides this. The
+    size of a receptance is the geometric mean of those at its two places: the static compliance or, near resonances,
+    the current value.
     """
 
     loads: float  # between two loads
@@ -319,20 +320,20 @@ class ReceptanceBound:
 def receptance_bound(
     model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, probes: Floats, omega: Sequence[float] = ()
 ) -> ReceptanceBound:
-    """Bounds up to the highest frequency that the reduction was made for, and at those of the excitation.
+    """Error bounds up to the highest frequency of the reduction, and at the frequencies of the excitation.
 
     Parameters
     ----------
     model, basis : full model and its reduced coordinates.
     damping : (n, n) C of the reduced model, 1/s.
-    loads : (m, N) rows of contacts and forces, and the inertia load where the base moves.
-    probes : (p, N) rows of what is observed only, of which the basis has no static vectors.
+    loads : (m, N) rows of contacts and forces, and the inertia load of base motion.
+    probes : (p, N) rows of observed places without static vectors.
     omega : angular frequencies of the excitation, rad/s.
 
     Returns
     -------
     ReceptanceBound
-        Relative errors of what the module's equation bounds.
+        Relative errors.
     """
     acting, known = loads.shape[0], None if not len(probes) else 0.0
     parts = [(part.structure, part.dofs) for part in model.substructures] or [(model, slice(None))]
@@ -349,10 +350,10 @@ def receptance_bound(
     moved = static > 0
     if not moved[:acting].any():
         return ReceptanceBound(0.0, known)
-    # up to the highest one, which decides without damping, and resonances
+    # up to the highest frequency, which decides without damping, and at resonances
     highest, kept = basis.highest_frequency, basis.omega[: basis.modes]
     frequencies = np.unique(np.concatenate([kept[kept < highest], np.linspace(0, highest, 12)]))
-    largest = np.zeros(moved.size)  # of each place and any load
+    largest = np.zeros(moved.size)  # for each place and any load
     for frequency in np.concatenate([frequencies * model.frequency_scale, omega]):
         errors, present = np.zeros((moved.size, moved.size)), np.zeros(moved.size)
         for part in truncations:
@@ -373,21 +374,19 @@ NEGLIGIBLE_COMPLIANCE = (
 
 @dataclass(frozen=True)
 class OmittedResponse:
-    """What a reduced basis leaves out of the response to m loads, in scaled units."""
+    """The part of the response to m loads that a reduced basis omits, in scaled units."""
 
     model: Structure
     basis: ReducedBasis
     damping: Floats  # (n, n) of the reduced model, 1/s
     loads: Floats  # (m, N)
     static_load_count: int  # loads that the static vectors are made for, the first of them
-    shapes: Floats  # (m, n) work of each load for a unit of each coordinate
-    compliances: (
-        Floats  # (m,) static compliance that each load meets, rigid-body motion apart; 0 where it causes only that
-    )
+    shapes: Floats  # (m, n) generalised force of each load
+    compliances: Floats  # (m,) static compliance of each load without rigid-body motion; 0 if it causes only that
     stated_damping: StatedDamping  # damping of the full model
-    modal_damping: Floats  # (n, n) what modal ratios give of the reduced model's C, scaled
-    # (p, m + 2 k [+ n]) of what residuals are made of, orthogonally reduced: norms and products are kept. Columns:
-    # deflections under the loads, the static vectors, deflections under their inertia, and under the known damping
+    modal_damping: Floats  # (n, n) contribution of modal ratios to the reduced model's C, scaled
+    # (p, m + 2 k [+ n]) terms of the residuals, orthogonally reduced (norms and products are unchanged). Columns:
+    # deflections under the loads, static vectors, deflections under their inertia, and under the damping matrix
     strains: Floats
     omitted_from: float  # certified lower bound of the frequencies left out; infinite if none is
     damping_factor: float  # a number c with C <= c K for the known damping in all motion that is left out
@@ -397,7 +396,7 @@ class OmittedResponse:
     def of(
         cls, model: Structure, basis: ReducedBasis, damping: Floats, loads: Floats, static_load_count: int
     ) -> OmittedResponse:
-        """What a basis leaves out; see the fields."""
+        """Compute the omitted response of a basis; see the fields."""
         deflected = np.asarray(model.factor @ static_deflections(model, loads.T))
         compliance = np.sum(deflected**2, axis=0)
         compliances = np.where(compliance > NEGLIGIBLE_COMPLIANCE * np.sum(loads**2, axis=1), compliance, 0.0)
@@ -427,7 +426,7 @@ class OmittedResponse:
         )  # fmt: skip
 
     def response(self, s: float) -> Complexes:
-        """(n, m) of the reduced model to the loads at scaled frequency s, close to undamped modes' resonances."""
+        """(n, m) response of the reduced model to the loads at scaled frequency s."""
         damping = self.damping / self.model.frequency_scale
         own = self.basis.omega**2 - s**2 + 1j * s * damping.diagonal()
         own[np.abs(own) <= 1e-12 * s**2] = 1e-12 * s**2 + (s == 0.0)
@@ -437,7 +436,7 @@ class OmittedResponse:
         return np.asarray(np.linalg.solve(np.diag(own) + coupling, self.shapes.T))
 
     def errors(self, s: float, y: Complexes) -> Floats:
-        """(m, m) bounds of the error of the receptance between the loads at scaled frequency s; y is the `response`."""
+        """(m, m) error bounds of the receptance between the loads at scaled frequency s; y is the `response`."""
         stated, kept, beyond, count = self.stated_damping, self.basis.modes, self.omitted_from, self.loads.shape[0]
         if kept == self.model.size or beyond <= s:
             return np.full((count, count), 0.0 if kept == self.model.size else np.inf)
@@ -447,7 +446,7 @@ class OmittedResponse:
             inertia = inertia - 1j * s * (self.modal_damping @ y)[kept:]
         rows = [-static, inertia]
         weights = np.vstack([*rows, -1j * s * y] if stated.matrix is not None else rows)
-        # real and imaginary parts of all in one real product: a complex one would take the zeros of the strains as well
+        # real and imaginary parts in one real product: a complex one would multiply the zero imaginary parts too
         residual = self.strains[:, count:] @ np.hstack([weights.real, weights.imag])
         residual[:, :count] += self.strains[:, :count]
         squares = np.sum(residual**2, axis=0)
@@ -458,8 +457,8 @@ class OmittedResponse:
             coupling += float(np.linalg.norm(within, 2)) / beyond**2 if within.size else 0.0
         elif static.size and stated.highest != 0.0:
             size = size + 2 * stated.highest * s * np.linalg.norm(static, axis=0)
-            # what the damping of the static vectors differs by from that of the modes they stand for: S^T A^(1/2) S of
-            # these vectors S lies between lower and upper, by Jensen's operator inequality
+            # difference between the damping of the static vectors and of the modes that they represent: S^T A^(1/2) S
+            # of these vectors S lies between lower and upper, by Jensen's operator inequality
             values, vectors = np.linalg.eigh(self.static_inverse)
             lower = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))) @ vectors.T
             given, upper = self.modal_damping[kept:, kept:], np.diag(self.basis.omega[kept:])
@@ -470,18 +469,18 @@ class OmittedResponse:
             real, imag = np.hsplit((largest + least) / 2 @ both, 2)
             deviation = s * (np.abs(static.T @ (real + 1j * imag)) + np.outer(within, within))
         open_share, half = 1 - (s / beyond) ** 2, s * coupling / 2
-        # open_share where damping couples nothing; sqrt(open_share^2 + half^2) - half without cancellation
+        # open_share if damping couples nothing; sqrt(open_share^2 + half^2) - half without cancellation
         divisor = open_share**2 / (np.hypot(open_share, half) + half)
         return np.asarray(np.outer(size, size) / divisor + deviation)
 
 
-ACCURATE_COMPLIANCE = 3e-5  # of the compliance; the default reduction has an error of this size
+ACCURATE_COMPLIANCE = 3e-5  # relative to the compliance; the default reduction has an error of this size
 
 
 def places_needed(
     structure: Structure, basis: ReducedBasis, first: Place, last: Place, places_with_vectors: Sequence[Place]
 ) -> list[Place]:
-    """Where to add a static vector next; empty if the compliance is accurate from the first place to the last.
+    """Place where a static vector should be added next; empty if the compliance is accurate everywhere between.
 
     Parameters
     ----------
@@ -492,13 +491,13 @@ def places_needed(
     Returns
     -------
     list
-        One place or none.
+        At most one place.
     """
     places = [replace(first, point=float(x)) for x in np.linspace(first.coordinate, last.coordinate, 41)]
     rows, moving = structure.rows(places), basis.omega > 0
     full = np.sum(rows.T * static_deflections(structure, rows.T), axis=0)
     reduced = np.sum((rows @ basis.vectors[:, moving] / basis.omega[moving]) ** 2, axis=1)
-    # what the reduced model does not represent of the static compliance
+    # part of the static compliance that the reduced model does not represent
     defect = np.where(full > 0, (full - reduced) / np.where(full > 0, full, 1.0), 0.0)
     worst = int(np.argmax(defect))
     return [] if defect[worst] <= ACCURATE_COMPLIANCE or places[worst] in places_with_vectors else [places[worst]]
@@ -506,17 +505,17 @@ def places_needed(
 
 @dataclass(frozen=True)
 class StatedDamping:
-    """Damping of a full model: a matrix, and ratios of modes that are known by their bounds (scaled units)."""
+    """Damping of a full model: a matrix, and bounds of modal ratios (scaled units)."""
 
     matrix: Any  # (N, N) sparse, dashpots, viscous and Rayleigh damping; None without
-    lowest: float  # modal ratio of the modes that a reduction leaves out: bounds
+    lowest: float  # bounds of the modal ratio of the omitted modes
     highest: float
     is_composite: bool  # modal damping is defined for the reduced coordinates alone (composite modal damping)
 
     def share_of(self, model: Structure, omega: float) -> float:
-        """A number c with C <= c K for the known damping C in all motion of frequencies beyond ``omega``, scaled.
+        """A number c with C <= c K for the damping matrix C in all motion above a scaled frequency ``omega``.
 
-        Certified by a Sturm count; nan where round-off leaves that open.
+        It is certified by a Sturm count; nan if round-off hides the result.
         """
         norm = (model.factor.T @ model.factor + omega**2 * model.mass).tocsc()
         start = np.linspace(1.0, 2.0, model.size)
@@ -529,7 +528,7 @@ class StatedDamping:
 
 
 def stated_damping(model: Structure, basis: ReducedBasis) -> StatedDamping:
-    """What damps the full model, of which a basis keeps ``basis.modes`` modes."""
+    """Damping of the full model; a basis keeps its lowest ``basis.modes`` modes."""
     known: Any = None if model.damping is None else model.damping / (model.mass_scale * model.frequency_scale)
     ratios = [_modal_ratios(member.body.stated_damping, model.size, model.size) for member in model.members]
     for member in model.members:
@@ -544,7 +543,7 @@ def stated_damping(model: Structure, basis: ReducedBasis) -> StatedDamping:
 
 
 def _rayleigh_damping(member: MemberBody) -> Any:
-    """(N, N) sparse scaled damping matrix of one body in its structure."""
+    """(N, N) sparse scaled Rayleigh damping of one body in its structure."""
     body, frequency = member.body, member.structure.frequency_scale
     of_mass, of_stiffness = body.stated_damping.factors
     mass, stiffness = body.mass * member.mass_ratio, body.factor.T @ body.factor
@@ -557,27 +556,27 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
 
     Parameters
     ----------
-    structure, basis : the full model (stated damping, dashpots and viscous damping) and the reduced basis.
+    structure, basis : the full model (given damping, dashpots and viscous damping) and the reduced basis.
     omega : (n,) physical angular frequencies of the coordinates, rad/s.
 
     Returns
     -------
     (n, n) array
-        Block by block where nothing linear couples the parts.
+        Block-diagonal for uncoupled substructures.
 
     Notes
     -----
-    Modal: C = diag(2 xi_i omega_i). Ratio i of a list belongs to mode i as numbered in every table, counting rigid-body
-    modes (which are not damped); higher modes and static vectors have the last ratio. Of bodies that are joined the
-    ratios are weighted by strain energy: with the strain energy matrix :math:`E_b` of body b in the coordinates (their
-    sum with that of the joints' springs is diag(omega^2)),
+    Modal damping: C = diag(2 xi_i omega_i). Ratio i of a list belongs to mode i as numbered in every table, including
+    rigid-body modes (which are not damped); higher modes and static vectors have the last ratio. For joined bodies the
+    ratios are weighted by strain energy: with the strain energy matrix :math:`E_b` of body b in the coordinates (the
+    sum of these and of the joints' springs is diag(omega^2)),
 
     .. math:: C_{ij} = \sum_b 2 \sqrt{\xi_{b,i} \xi_{b,j}}\, (E_b)_{ij} / \sqrt{\omega_i \omega_j},
 
-    so that a mode has the mean of its bodies' ratios, weighted by the share of its strain energy in each (composite
-    modal damping), and equal ratios give that ratio. The sum is positive semidefinite. Ratio i of a list belongs to
-    mode i of the joined structure. Springs of joints are not damped but by their dashpots. Rayleigh damping is that of
-    the body's own matrices, of one alone alpha I + beta diag(omega^2). Viscous damping and dashpots: projection of the
+    so that a mode has the mean of its bodies' ratios, weighted by their shares of its strain energy (composite modal
+    damping); equal ratios give that ratio. The sum is positive semidefinite. Ratio i of a list belongs to mode i of the
+    joined structure. Springs of joints are damped only by their dashpots. Rayleigh damping uses the matrices of each
+    body; for a single body it is alpha I + beta diag(omega^2). Viscous damping and dashpots are projections of the
     physical matrix.
     """
     if structure.substructures:
@@ -594,7 +593,7 @@ def reduced_damping(structure: Structure, basis: ReducedBasis, omega: Floats) ->
 
 
 def _damping_of_substructures(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
-    """(n, n) C, 1/s, of parts that nothing linear couples."""
+    """(n, n) C, 1/s, of uncoupled substructures."""
     whole = np.zeros((omega.size, omega.size))
     for part, (reduced, columns) in zip(structure.substructures, basis.blocks, strict=True):
         whole[np.ix_(columns, columns)] = reduced_damping(part.structure, reduced, omega[columns])
@@ -602,11 +601,11 @@ def _damping_of_substructures(structure: Structure, basis: ReducedBasis, omega: 
 
 
 def _damping_of_joined_bodies(structure: Structure, basis: ReducedBasis, omega: Floats) -> Floats:
-    """(n, n) composite modal damping and Rayleigh damping of bodies, 1/s; see `reduced_damping`."""
+    """(n, n) composite modal damping and Rayleigh damping of joined bodies, 1/s; see `reduced_damping`."""
     root = np.sqrt(omega)
     inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
     ratios = [_modal_ratios(m.body.stated_damping, omega.size, basis.modes) for m in structure.members]
-    # The first body's ratio for everything, then the others' differences: equal ratios leave exact zeros.
+    # The ratio of the first body for everything, then differences for the others: equal ratios give exact zeros.
     common = np.sqrt(ratios[0])
     c = np.diag(2 * ratios[0] * omega)
     in_springs = np.diag(omega**2)
@@ -628,7 +627,7 @@ def _damping_of_joined_bodies(structure: Structure, basis: ReducedBasis, omega: 
 
 
 def _modal_ratios(damping: Any, size: int, modes: int) -> Floats:
-    """(size,) ratios of the coordinates, the first ``modes`` of which are modes; zeros without modal damping."""
+    """(size,) ratios of the coordinates, of which the first ``modes`` are modes; zeros without modal damping."""
     if damping is None or damping.kind != "modal":
         return np.zeros(size)
     given = np.atleast_1d(np.asarray(damping.ratio, dtype=float))

@@ -1,33 +1,33 @@
-r"""A structure with a spring at one point: frequencies from the stiffness and stiffness from a frequency.
+r"""A structure with a spring at one point: frequencies from the stiffness, and stiffness from a frequency.
 
 With the structure's modes (natural angular frequencies :math:`\omega_i`, mass-normalised deflections
 :math:`\varphi_i` at the point) a grounded spring of stiffness k changes the eigenvalues to the roots of
 
 .. math:: \frac{1}{k} = g(\lambda) = \sum_i \frac{\varphi_i^2}{\lambda - \omega_i^2} = -H(\sqrt\lambda),
 
-where H is the receptance at the point. g decreases from :math:`+\infty` to :math:`-\infty` between two poles, so there
-is one root between neighbouring natural frequencies (interlacing). It does not decrease with k, and its upper limit
-is at g = 0, the frequency of the structure with the point pinned. Solved for k, the equation gives the stiffness for
-a frequency in closed form (H. Hazim, thesis, 2010, proposition 1.3.1, corrected: :math:`d\lambda/dk = u_r^2` with the
-mass-normalised deflection :math:`u_r` at the spring).
+where H is the receptance at the point. Between two poles g decreases from :math:`+\infty` to :math:`-\infty`, so that
+there is one root between neighbouring natural frequencies (interlacing). It does not decrease with k; its upper limit
+at g = 0 is the frequency with the point pinned. Solved for k, the equation gives the stiffness for a frequency in
+closed form (H. Hazim, thesis, 2010, proposition 1.3.1, corrected: :math:`d\lambda/dk = u_r^2` with the mass-normalised
+deflection :math:`u_r` at the spring).
 
 Differences :math:`\lambda - \omega_i^2` are computed as products :math:`(\omega - \omega_i)(\omega + \omega_i)`, so
 accuracy is limited only by the conditioning.
 
-How the stiffness behind a frequency depends on every number of the structure follows from a stationary form.
-At a fixed frequency :math:`k = -1 / (s^T D^{-1} s)` with the dynamic stiffness :math:`D = K - \omega^2 M` and the
-deflection row s of the spring's point. With the closed structure's mode scaled as :math:`v = k D^{-1} s`, fields of the
-bodies apart, springs between them in D, and what joints hold as constraints :math:`G v = 0` with the forces
-:math:`\mu`,
+Derivatives of the stiffness for a given frequency with respect to any number of the structure follow from a stationary
+form. At a fixed frequency :math:`k = -1 / (s^T D^{-1} s)` with the dynamic stiffness :math:`D = K - \omega^2 M` and the
+deflection row s of the spring's point. Let :math:`v = k D^{-1} s` be the mode of the closed structure, with separate
+fields for the bodies, springs between them in D, and rigid joints as constraints :math:`G v = 0` with forces
+:math:`\mu`. The form
 
 .. math:: F = 2 k\, s^T v - v^T D v - 2 \mu^T G v
 
-is stationary in v and :math:`\mu`, so that :math:`\partial k / \partial p = \partial F / \partial p` with both as they
-are: one linear solve for all parameters. The derivatives are central differences on an unchanged mesh: the form is that
-of fixed fields, so that they are accurate to nine digits or so.
+is stationary in v and :math:`\mu`, so that :math:`\partial k / \partial p = \partial F / \partial p` with fixed v and
+:math:`\mu`: one linear solve for all parameters. The derivatives are central differences on an unchanged mesh; since
+the fields are fixed, they are accurate to about nine digits.
 
-A spring between two parts that nothing else joins has :math:`1/k = 1/k_1 + 1/k_2`, with the stiffness
-:math:`k_i` that would give part i alone the frequency.
+A spring between two otherwise uncoupled substructures has :math:`1/k = 1/k_1 + 1/k_2`, where :math:`k_i` would give
+substructure i alone the frequency.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ from beamsim.typing import Floats
 
 _EPS = float(np.finfo(float).eps)
 POLE_ROUND_OFF = 1e-13  # relative distance of natural frequencies that count as one pole
-NEGLIGIBLE_WEIGHT = 1e-26  # share of the largest weight of a mode that the spring does not reach
-NODE_MOTION = 1e-8  # of the largest motion of a mode; finite elements give nodes to 1e-12
+NEGLIGIBLE_WEIGHT = 1e-26  # weight relative to the largest, below which a mode has a node at the spring
+NODE_MOTION = 1e-8  # relative to the largest motion of a mode; finite elements locate nodes to 1e-12
 
 
 class SpringPoint:
@@ -73,7 +73,7 @@ class SpringPoint:
             initial=0.0
         )  # a mode with a node there does not load the spring
         frequency = self.omega[loaded]
-        first = np.diff(frequency, prepend=-np.inf) > POLE_ROUND_OFF * frequency  # of those at one pole
+        first = np.diff(frequency, prepend=-np.inf) > POLE_ROUND_OFF * frequency  # the first of the modes at one pole
         poles, of_pole = frequency[first], np.cumsum(first) - 1
         # poles of g, their weights, and the natural frequencies that no spring changes (repeated, or with a node)
         unchanged = np.concatenate([self.omega[~loaded], poles[of_pole[~first]]])
@@ -87,9 +87,9 @@ class SpringPoint:
         return int(np.searchsorted(self.omega, omega, side="right"))
 
     def stiffness(self, omega: ArrayLike) -> Floats:
-        """Spring stiffness, N/m, that makes each omega a natural frequency; negative if no positive one does.
+        """Spring stiffness, N/m, that makes each omega a natural frequency; negative if no positive stiffness does.
 
-        Exact (closed form 1 / g) for the modes given; 0 at a free frequency, infinite at a pinned one.
+        Exact (closed form 1 / g) for the given modes; 0 at a free frequency, infinite at a pinned one.
         """
         poles, weights, _ = self._poles
         omega = np.asarray(omega, dtype=float)
@@ -102,7 +102,7 @@ class SpringPoint:
     def frequencies(self, stiffness: ArrayLike, count: int | None = None) -> Floats:
         """(..., count) natural angular frequencies, ascending, with a spring of each given stiffness (any shape).
 
-        Every root is bracketed by its neighbouring poles and found to machine precision.
+        Every root is bracketed by neighbouring poles and found to machine precision.
         """
         shape, k = np.shape(stiffness), np.asarray(stiffness, dtype=float).ravel()
         count = self.omega.size if count is None else min(count, self.omega.size)
@@ -114,14 +114,14 @@ class SpringPoint:
         return np.sort(np.stack([*roots, *unchanged], axis=-1), axis=-1)[:, :count].reshape(*shape, count)
 
     def reach(self, mode: int) -> tuple[float, float]:
-        """Lowest and highest angular frequency that a spring can give mode number `mode` (from 1).
+        """Lowest and highest angular frequency that mode number `mode` (from 1) can have with a spring.
 
         The highest is that with the point pinned; infinite for a mode that pinning removes.
         """
         return float(self.omega[mode - 1]), float(self.frequencies(np.inf, mode)[mode - 1])
 
     def on_node(self, mode: int) -> bool:
-        """Whether the point is a node of free mode number `mode`, so that a spring does not change the mode."""
+        """Whether the point is a node of free mode number `mode`, so that a spring does not change this mode."""
         return bool(abs(self.shape[mode - 1]) <= NODE_MOTION * np.abs(self.shape).max(initial=0.0))
 
     def slope(self, omega: ArrayLike) -> Floats:
@@ -135,7 +135,7 @@ class SpringPoint:
         omega = np.asarray(omega, dtype=float)
         difference = (omega[..., None] - poles) * (omega[..., None] + poles)
         nearest = np.min(np.abs(difference), axis=-1, keepdims=True)
-        # g^2 / g'^2 with both sums scaled by the distance of the nearest pole: 0 / 0 only at the pole itself.
+        # g^2 / g'^2 with both sums scaled by the distance to the nearest pole: 0 / 0 only at the pole itself
         scaled = np.where(difference == 0, 1.0, nearest / np.where(difference == 0, 1.0, difference))
         scaled = np.where(nearest == 0, (difference == 0).astype(float), scaled)
         participation = np.sum(weights * scaled, axis=-1) ** 2 / np.sum(weights * scaled**2, axis=-1)
@@ -155,7 +155,7 @@ class SpringPoint:
         known = np.isfinite(level) & np.isfinite(upper)
 
         def value(omega: Floats, level: Floats) -> Floats:
-            """(level - g) times the distances from the poles in lambda: negative at the lower end, then positive."""
+            """(level - g) times the distances to the poles in lambda: negative at the lower end, then positive."""
             below = (omega - lower) * (omega + lower)
             g = np.sum(others / ((omega[..., None] - rest) * (omega[..., None] + rest)), axis=-1)
             least = (level - g) * below - weights[j]
@@ -173,21 +173,21 @@ _STEP = 1e-5  # relative, of central differences
 
 
 def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> dict[Path, float]:
-    """d ln k / d ln p by place, k being the stiffness at the snubber that makes omega a natural frequency.
+    """d ln k / d ln p for each number p, where k is the snubber stiffness that makes omega a natural frequency.
 
-    The numbers are those of the bodies that the snubber acts on, and of what joins them. What sits on the end or edge
-    of a body moves with it when a side changes; the segments of a beam grow with its length.
+    The numbers are those of the bodies at the snubber, and of their joints. Items at the end or edge of a body move
+    with it when its size changes; the segments of a beam scale with its length.
 
     Parameters
     ----------
     scenario : a validated scenario.
-    snubber : its name.
+    snubber : name of the snubber.
     omega : angular frequency, rad/s.
 
     Returns
     -------
     dict
-        By path; numbers on which k does not depend are left out.
+        By path; numbers without influence on k are omitted.
     """
     contact = scenario.located_snubber(snubber)
     structure = assemble(scenario, contact.bodies)
@@ -209,16 +209,16 @@ def stiffness_sensitivities(scenario: Scenario, snubber: str, omega: float) -> d
 
 @dataclass(frozen=True)
 class _LoadedSubstructure:
-    """A part of a structure on which the spring acts, and its motion at the frequency."""
+    """A substructure at the spring, with its motion at the frequency."""
 
-    bodies: Structure  # apart
-    stiffness: float  # N/m, of the spring, that gives the part alone the frequency
+    bodies: Structure  # the separate bodies
+    stiffness: float  # N/m, spring stiffness that gives this substructure alone the frequency
     field: Floats  # (dofs of the bodies,) v
-    forces: Floats  # of the constraints among the couplings, in their order
+    forces: Floats  # forces of the constraints among the couplings, in order
 
     @classmethod
     def of(cls, part: Structure, site: Site, omega: float) -> _LoadedSubstructure:
-        """Solve for the motion."""
+        """Compute the motion of a substructure."""
         row, squared = part.own_row(site), (omega / part.frequency_scale) ** 2
         mode = np.asarray(spsolve((part.factor.T @ part.factor - squared * part.mass).tocsc(), row))
         scaled = -1.0 / float(row @ mode)
@@ -235,7 +235,7 @@ class _LoadedSubstructure:
         return cls(bodies, stiffness, field, np.asarray(forces, dtype=float))
 
     def form(self, scenario: Scenario, snubber: str, omega: float) -> float:
-        """F, N/m, of the motion with other numbers in the scenario."""
+        """The form F, N/m, of the motion, with the numbers of another scenario."""
         sections, v = scenario.all_bodies, self.field
         before = [member.body for member in self.bodies.members]
         bodies = combine_structures(
@@ -255,7 +255,7 @@ class _LoadedSubstructure:
 
 
 def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -> Iterator[tuple[Path, set[Path]]]:
-    """Every number that k may depend on, and those that change with it."""
+    """Yield every number that k may depend on, with the numbers that change with it."""
     contact = scenario.located_snubber(snubber)
     sides = {body.name: body.sides for body in bodies}
     for body in bodies:
@@ -264,7 +264,7 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
         base = scenario.body_path(body.name)
         for path in _numbers(scenario.all_bodies[body.name]):
             along = {(*base, *path)}
-            if len(path) == 1 and path[0] in body.sides:  # what sits on the end or edge moves with it
+            if len(path) == 1 and path[0] in body.sides:  # items at the end or edge move with it
                 side, edge = (body.name, body.sides.index(str(path[0]))), value_at(scenario, (*base, *path))
                 along |= {
                     at for at in _numbers(scenario) if side_at(scenario, at) == side and value_at(scenario, at) == edge
@@ -284,7 +284,7 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
 
 
 def _numbers(section: Any) -> Iterator[Path]:
-    """Paths of the numbers, not zero, of a section, but for the bounds of segments."""
+    """Yield the paths of the nonzero numbers in a section, except segment ends."""
     for path, part in walk(section):
         for key, name in type(part).keys().items():
             value: Any = getattr(part, name)

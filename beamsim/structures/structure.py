@@ -1,6 +1,6 @@
-"""What a structure is asked for, before reduction: sparse matrices, rows of places, stations, what can be recovered.
+"""The interface of structures before reduction: sparse matrices, rows of places, stations, recovery.
 
-Beams, chains and assemblies of them answer alike; nothing above this package asks which of them it has.
+Beams, chains and assemblies share it; code above this package does not distinguish them.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from beamsim.typing import Floats, Ints
 
 @dataclass(frozen=True)
 class Coupling:
-    """What acts between two places, or a place and the base or the ground, in one direction of motion."""
+    """A connection between two places, or a place and the base or the ground, in one direction of motion."""
 
     name: str  # of the joint or spring
-    site: Site  # a place alone is coupled to the base, or to the ground
-    stiffness: float | None  # N/m or N m/rad; None where nothing moves apart
+    site: Site  # a single place is coupled to the base or the ground
+    stiffness: float | None  # N/m or N m/rad; None for a rigid connection
     dashpot: float = 0.0  # N s/m or N m s/rad
-    to_ground: bool = False  # which stays where it is when the base moves
+    to_ground: bool = False  # whether it is coupled to the fixed ground instead of the base
 
     @property
     def ends(self) -> tuple[Place, ...]:
@@ -51,49 +51,49 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Restraint:
-    """What holds one direction of motion of a body: degrees of freedom that it fixes, or a spring."""
+    """A restraint of one direction of motion of a body: fixed degrees of freedom, or a spring."""
 
     name: str  # left, right, bottom, top, point 1, node 3, base
-    direction: str  # of the motion: a force of a displacement, a moment of a rotation
-    base_motion: float  # how far it moves with a unit motion of the base
-    motion: Floats | None = None  # (all dofs of the body,) when it moves by one unit and the free ones stay at zero
-    spring: Coupling | None = None  # between the body and what moves
+    direction: str  # direction of the motion; its reaction is a force for a displacement, a moment for a rotation
+    base_motion: float  # its motion for a unit motion of the base
+    motion: Floats | None = None  # (all dofs of the body,) fields for its unit motion with free dofs at zero
+    spring: Coupling | None = None  # between the body and the moving part
 
 
 @dataclass(frozen=True)
 class UnitMotion:
-    """Fields of the bodies when a support moves by one unit and the structure's degrees of freedom stay at zero."""
+    """Fields of the bodies for a unit motion of a support, with all free degrees of freedom at zero."""
 
-    fields: Mapping[str, Floats]  # by body (all dofs,), those that supports hold included
+    fields: Mapping[str, Floats]  # (all dofs,) of each body, including fixed dofs
 
 
 @dataclass(frozen=True)
 class LoadPattern:
-    """A load whose static deflection the reduced model has to know: a unit force, or the uniform inertia load."""
+    """A load whose static deflection the reduced model must represent: a unit force, or a uniform inertia load."""
 
     vector: Floats  # (N,) scaled load on the free dofs
-    # of the unit force; the direction of an inertia load (gravity); the support that moves by one unit; a dashpot,
-    # whose force acts on nodes
+    # place of the unit force; direction of an inertia load (gravity); unit motion of a support; or a dashpot, whose
+    # force acts on nodes
     site: LoadSite | BaseDirection | UnitMotion | Coupling
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedBasis:
-    """n mass-normalised coordinates: modes first (rigid-body modes first of all), then static vectors.
+    """n mass-normalised coordinates: modes first (beginning with rigid-body modes), then static vectors.
 
-    Every column v satisfies K v = M a + sum_i p_i f_i, which is how bending moments are recovered from
-    equilibrium: ``acceleration_modes`` and ``pattern`` say what a and p are.
+    Every column v satisfies K v = M a + sum_i p_i f_i, from which bending moments are recovered by equilibrium:
+    ``acceleration_modes`` and ``pattern`` give a and p.
     """
 
     omega: Floats  # (n,) scaled angular frequencies; exact zeros for rigid-body modes
     vectors: Floats  # (N, n) orthonormal in the scaled mass matrix
     rigid: int
-    modes: int  # kept modes, rigid-body modes included; the rest of the n columns are static vectors
+    modes: int  # number of kept modes, including rigid-body modes; the other columns are static vectors
     patterns: tuple[LoadPattern, ...]
     pattern: Floats  # (patterns, n): p
     acceleration_modes: Floats  # (modes, n): a = vectors[:, :modes] @ acceleration_modes
-    highest_frequency: float  # scaled angular frequency that the reduction was made for
-    # of several bodies: each body's own basis, and which of these coordinates are its own; patterns are there
+    highest_frequency: float  # scaled angular frequency for which the reduction was made
+    # for several substructures: the basis of each, and the indices of its coordinates; patterns are there
     blocks: tuple[tuple[ReducedBasis, Ints], ...] = ()
 
     @property
@@ -102,9 +102,9 @@ class ReducedBasis:
         return int(self.omega.size)
 
     def omitted_response(self, load: Floats, rows: Floats, exact: Floats) -> Floats:
-        """What the coordinates leave out of static values under a load, to which the modes left out respond statically.
+        """Contribution of the omitted modes to static values under a load, to which they respond statically.
 
-        Under motion of the base, moments need many more modes than deflections (mode-acceleration method).
+        Under base motion, moments need many more modes than deflections (mode-acceleration method).
 
         Parameters
         ----------
@@ -124,14 +124,14 @@ class ReducedBasis:
 
 @dataclass(frozen=True)
 class WeightedValues:
-    """Values that a field is to have, and the weights of their squares in a norm."""
+    """Prescribed values of a field, with weights for their squares in a norm."""
 
-    rows: Any  # (k, N) that give the values of a field of the body
+    rows: Any  # (k, N) rows that give the values for a field of the body
     weights: Floats  # (k,) scaled
     values: Floats  # (k,)
 
     def products(self, vectors: Floats) -> Floats:
-        """(n,) products of the values with those of fields (N, n)."""
+        """(n,) weighted products of the values with those of fields (N, n)."""
         return np.asarray((self.rows @ vectors).T @ (self.weights * self.values))
 
     def error(self, field: Floats) -> float:
@@ -143,21 +143,21 @@ class WeightedValues:
 
 @dataclass(frozen=True)
 class BodyField:
-    """A displacement or velocity of a body."""
+    """A prescribed displacement or velocity field of a body."""
 
-    kinetic: WeightedValues  # whose products are those in the scaled mass matrix
+    kinetic: WeightedValues  # norm of the kinetic energy
     bending: WeightedValues | None = None  # curvatures, in the norm of the bending energy
 
     def error(self, field: Floats, quantity: str) -> float:
-        """Relative error of a field (N,) as a displacement or velocity, in the norms of that quantity."""
-        if self.bending is None or quantity == "velocity":  # which has kinetic energy only
+        """Relative error of a field (N,) as a displacement or velocity."""
+        if self.bending is None or quantity == "velocity":  # a velocity has only kinetic energy
             return self.kinetic.error(field)
         return max(self.kinetic.error(field), self.bending.error(field))
 
 
 @dataclass(frozen=True)
 class Substructure:
-    """A share of a structure that nothing linear couples to the rest, and the slice of dofs that are its own."""
+    """A part of a structure without linear coupling to the rest, with its slice of dofs."""
 
     structure: Structure
     dofs: slice
@@ -165,21 +165,21 @@ class Substructure:
 
 @dataclass(frozen=True)
 class MemberBody:
-    """A body, and how its fields follow from those of the structure that it belongs to."""
+    """A body, with the map from fields of its structure to its own fields."""
 
     body: BodyStructure
     structure: Structure
-    expansion: Any  # (N of the body, N of the whole) sparse: fields of the body from those of the whole structure
-    mass_ratio: float = 1.0  # unit of mass of the body over that of the whole structure
-    stiffness_ratio: float = 1.0  # of stiffness
+    expansion: Any  # (N of the body, N of the structure) sparse map of fields
+    mass_ratio: float = 1.0  # unit of mass of the body over that of the structure
+    stiffness_ratio: float = 1.0  # unit of stiffness of the body over that of the structure
 
 
 @dataclass(frozen=True)
 class Structure(ABC):
-    """M u'' + C u' + K u = f on the N degrees of freedom that the supports leave.
+    """A structure M u'' + C u' + K u = f with N free degrees of freedom.
 
-    Every degree of freedom is a deflection in metres. M and K are scaled: the physical matrices
-    are ``mass_scale * mass`` and ``stiffness_scale * factor.T @ factor``.
+    Degrees of freedom are in metres. M and K are scaled: the physical matrices are ``mass_scale * mass`` and
+    ``stiffness_scale * factor.T @ factor``.
     """
 
     name: str  # of the body in the scenario; empty for an assembly
@@ -189,13 +189,13 @@ class Structure(ABC):
     rigid: Floats  # (N, r) rigid-body modes, orthonormal in `mass`
     mass_scale: float  # kg
     stiffness_scale: float  # N/m
-    # where bodies begin on the common axis, m, as their joints place them; a body that is not in it begins at 0
+    # starts of the bodies on the common axis, m, from their joints; missing bodies start at 0
     origins: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
-    # what joins the bodies to one another, to the base and to the ground, direction by direction
+    # connections of the bodies with one another, the base and the ground, one for each direction
     couplings: tuple[Coupling, ...] = field(default=(), kw_only=True)
-    # what nothing linear couples to the rest, each with its own modes; none where all is coupled
+    # uncoupled parts, each with its own modes; empty if all is coupled
     substructures: tuple[Substructure, ...] = field(default=(), kw_only=True)
-    # (N,) rows in the order of elimination; None by minimum degree
+    # (N,) order of elimination; minimum degree if None
     order: Ints | None = field(default=None, kw_only=True)
 
     @property
@@ -205,7 +205,7 @@ class Structure(ABC):
 
     @property
     def frequency_scale(self) -> float:
-        """Physical over scaled angular frequency, rad/s."""
+        """Physical angular frequency of the scaled unit, rad/s."""
         return float(np.sqrt(self.stiffness_scale / self.mass_scale))
 
     @cached_property
@@ -215,7 +215,7 @@ class Structure(ABC):
 
     @cached_property
     def factorised_stiffness(self) -> SymmetricLU:
-        """Factors of K, with as many degrees of freedom held as there are rigid-body modes."""
+        """Factors of K, with one pinned degree of freedom for each rigid-body mode."""
         return factors_with_rigid_motions(self.stiffness, self.rigid, self.order)
 
     @property
@@ -224,23 +224,23 @@ class Structure(ABC):
         """The bodies."""
 
     def member(self, name: str) -> MemberBody:
-        """The body of this name; of a single body that body, whatever the name."""
+        """The body with a name; for a single body always that body."""
         members = self.members
         return members[0] if len(members) == 1 else next(each for each in members if each.body.name == name)
 
     def deflections(self, vectors: Floats) -> Floats:
-        """(d,) or (d, k) deflections, in order of the stations, of fields (N,) or (N, k): the sign of modes."""
+        """(d,) or (d, k) deflections at the stations, for fields (N,) or (N, k); used for the sign of modes."""
         return vectors
 
     def row(self, site: LoadSite) -> Floats:
-        """(N,) motion there for a unit of each degree of freedom; of a link how far its ends draw apart.
+        """(N,) motion at a place for a unit of each degree of freedom; for a link its extension.
 
-        Of a distributed load what the work of its unit level is: the load vector, as it is of a unit point force.
+        For a distributed load the work of its unit level: the load vector.
 
         Raises
         ------
         ValueError
-            Where a place of the body does not move in that direction, or no load can be spread over it.
+            If the body has no motion in that direction, or cannot carry a distributed load.
         """
         if isinstance(site, Link):
             return np.asarray(self.row(site.second) - self.row(site.first))
@@ -248,7 +248,7 @@ class Structure(ABC):
         return np.asarray((member.body.unsupported_row(site) @ member.body.all_dofs_map) @ member.expansion)
 
     def own_row(self, site: Site) -> Floats:
-        """(N,) how far those ends of a site that are on the structure draw apart for a unit of each dof."""
+        """(N,) extension of the ends of a site that are on the structure, for a unit of each dof."""
         names = {member.body.name for member in self.members}
         ends = [sign * self.row(end) for sign, end in signed_ends(site) if end.body in names]
         return np.asarray(sum(ends, np.zeros(self.size)))
@@ -258,9 +258,9 @@ class Structure(ABC):
         return np.array([self.row(site) for site in sites]).reshape(len(sites), self.size)
 
     def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
-        """Sites of the unit forces whose static deflections a reduced model needs, each once.
+        """Sites of unit forces whose static deflections a reduced model needs.
 
-        The ends of a link are loaded one at a time where it joins two bodies, or moments are recovered.
+        The ends of a link are loaded separately if it joins two bodies, or if moments are recovered.
         """
         loaded: dict[LoadSite, None] = {}
         for site in sites:
@@ -272,7 +272,7 @@ class Structure(ABC):
 
     @property
     def most_modes(self) -> int | None:
-        """Number of flexible modes that the discretisation carries; None where all of them are kept by default."""
+        """Number of flexible modes that the discretisation resolves; None if the default keeps all."""
         return None
 
     @abstractmethod
@@ -281,19 +281,19 @@ class Structure(ABC):
 
     @abstractmethod
     def unit_stiffness(self, site: Site) -> float:
-        """Stiffness, N/m, that those of snubbers at a site are compared with."""
+        """Reference stiffness, N/m, for snubbers at a site."""
 
     @abstractmethod
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) scaled inertia and (N,) physical force of springs to the ground under a unit motion of the base.
+        """(N,) scaled inertia and (N,) physical force of springs to the ground, for a unit motion of the base.
 
-        The first belongs to a unit acceleration, kg in units of mass, and acts against it; the second to a unit
+        The inertia belongs to a unit acceleration, in units of mass, and acts against it; the force belongs to a unit
         displacement.
 
         Raises
         ------
         MethodError
-            Where a body cannot move so.
+            If a body does not support this motion.
         """
 
     def base_direction_of(self, body: str, motion: BaseDirection) -> BaseDirection:
@@ -304,27 +304,27 @@ class Structure(ABC):
         return replace(motion, axis_point=(x - dict(self.origins).get(body, 0.0), y, z))
 
     def base_motion_at(self, place: Place, motion: BaseDirection) -> float:
-        """Motion of a place in its direction, m or rad, when the base moves by one unit and nothing deforms."""
+        """Rigid motion of a place in its direction, m or rad, for a unit motion of the base."""
         body = self.member(place.body).body
         return float(body.unsupported_row(place) @ body.rigid_motion(self.base_direction_of(place.body, motion)))
 
     def recoveries(
         self, basis: ReducedBasis, sites: Sequence[LoadSite], base: BaseDirection | None
     ) -> tuple[Recovery, ...]:
-        """What can be recovered along each body, with stations at the sites where forces act.
+        """Quantities that can be recovered along each body, with stations at the sites of forces.
 
         ``base`` is how the base moves, None where it is at rest.
 
         Parameters
         ----------
         basis : the reduced coordinates.
-        sites : where forces act.
-        base : how the base moves; None where it is at rest.
+        sites : sites of forces.
+        base : motion of the base; None if it is at rest.
 
         Returns
         -------
         tuple
-            Body by body.
+            One item for each body.
         """
         ends = [end for site in sites for end in ends_of(site)]
         return tuple(
@@ -339,18 +339,18 @@ class Structure(ABC):
     def project(
         self, basis: ReducedBasis, numbers_by_body: Mapping[str, Sequence[float]], quantity: str
     ) -> tuple[Floats, dict[str, float]]:
-        """Kinetic (M-orthogonal) projection of given fields on a basis.
+        """Kinetic (M-orthogonal) projection of fields on a basis.
 
         Parameters
         ----------
-        basis : of the structure.
+        basis : basis of the structure.
         numbers_by_body : coefficients or values for each body, in the form that its kind takes; zero for other bodies.
         quantity : "displacement" or "velocity".
 
         Returns
         -------
         (n,) array, dict
-            Coordinates, and the relative error on every body that is named.
+            Coordinates, and the relative error of each given field.
         """
         fields = [
             (member, member.expansion @ basis.vectors, member.body.given_field(numbers_by_body[member.body.name]))
@@ -365,43 +365,43 @@ class Structure(ABC):
 
 @dataclass(frozen=True)
 class BodyStructure(Structure, ABC):
-    """One body; a kind of body is a subclass."""
+    """A single body; each kind of body is a subclass."""
 
-    section: Any  # what describes the body in the scenario; None where that has no number of its matrices
-    stated_damping: Any  # what the scenario gives the body; None without
-    # (all dofs, N) sparse: values of all dofs, those that supports hold included, from those of the free ones
+    section: Any  # section of the scenario; None if it contains no numbers of the matrices
+    stated_damping: Any  # damping of the body in the scenario; None without
+    # (all dofs, N) sparse map from free dofs to all dofs, including fixed ones
     all_dofs_map: Any
-    # mass and factor of all dofs, scaled, and their damping, N s/m, or None; of imported matrices see `forces_of`
+    # mass and factor of all dofs, scaled, and their damping, N s/m, or None; for imported matrices see `forces_of`
     unsupported: tuple[Any, Any, Any] | None = field(default=None, kw_only=True)
     # springs and dashpots between the ends and the base
     end_springs: tuple[Coupling, ...] = field(default=(), kw_only=True)
-    notes: tuple[str, ...] = field(default=(), kw_only=True)  # what was done to its data that a user should know
-    file_summary: FileSummary | None = field(default=None, kw_only=True)  # of the files that it was read from
+    notes: tuple[str, ...] = field(default=(), kw_only=True)  # remarks for the user on the treatment of its data
+    file_summary: FileSummary | None = field(default=None, kw_only=True)  # of a body that is read from files
 
     sides: ClassVar[tuple[str, ...]] = ()
-    """Keys of the section that are the extent of the body along each axis."""
+    """Keys of the section with the size of the body along each axis."""
 
     recovers_moments: ClassVar[bool] = False
     """Whether moments are recovered, from one point force at a time."""
 
     @cached_property
     def members(self) -> tuple[MemberBody, ...]:
-        """Itself."""
+        """The body itself, as a tuple."""
         return (MemberBody(self, self, eye_array(self.size, format="csr")),)
 
     @abstractmethod
     def reassemble(self, section: Any) -> BodyStructure:
-        """The body with other numbers on the same mesh."""
+        """A body with other numbers on the same mesh."""
 
     @property
     def total_mass(self) -> float:
-        """Mass that an upward motion of the base moves, kg."""
+        """Mass that moves with a vertical motion of the base, kg."""
         motion = self.rigid_motion(UPWARDS)
         return float(motion @ self.forces_of(motion)[1])
 
     @property
     def named_dofs(self) -> NamedDofs:
-        """Nodes and directions of the degrees of freedom, for other programs; here each is a node that deflects."""
+        """Names of the degrees of freedom for other programs; here each is a node with a deflection."""
         names = tuple((i + 1, DEFLECTION) for i in range(self.size))
         return NamedDofs(DofTable(names), np.ones(self.size), np.ones(self.size))
 
@@ -414,19 +414,19 @@ class BodyStructure(Structure, ABC):
         )  # fmt: skip
 
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
-        """What holds the body, direction by direction, and how far it moves with the base; none where it is free."""
+        """All restraints of the body, with their motion for a unit motion of the base; empty if it is free."""
         return ()
 
     @abstractmethod
     def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
-        """(all dofs,) row of a place, or load vector."""
+        """(all dofs,) row of a place, or load vector of a region."""
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:
-        """(all dofs,) displacement when the base moves by one unit and nothing deforms: here upwards alone."""
+        """(all dofs,) rigid displacement for a unit motion of the base; here only upwards."""
         return np.ones(self.size)
 
     def forces_of(self, motion: Floats) -> Floats:
-        """(3, all dofs) forces of a displacement, N, acceleration and velocity of all dofs (all dofs,)."""
+        """(3, all dofs) forces for a displacement, N, acceleration and velocity of all dofs."""
         assert self.unsupported is not None
         mass, factor, damping = self.unsupported
         dragged = np.zeros(motion.size) if damping is None else damping @ motion
@@ -439,13 +439,13 @@ class BodyStructure(Structure, ABC):
         return forces @ motion
 
     def place_problem(self, place: Place | LoadedRegion, for_force: bool) -> tuple[str, str, str] | None:
-        """Key, message and remedy where there is no such place or shape on the body, or nothing can act there."""
+        """Key, message and remedy if a place or shape does not exist, or nothing can act there; else None."""
         if isinstance(place, LoadedRegion) and place.mode is not None and place.mode > self.size:
             return "shape.mode", f"= {place.mode}, but {self.name} has {self.size} modes", "choose a lower mode"
         return None
 
     def largest_at(self, field: Floats) -> str:
-        """Where a field (N,) has its largest deflection, for people."""
+        """Place of the largest deflection of a field (N,), as text."""
         named = self.named_dofs
         shifts = np.where([each == DEFLECTION for _, each in named.table.dofs], np.abs(named.scale * field), 0.0)
         row = int(np.argmax(shifts))
@@ -455,28 +455,28 @@ class BodyStructure(Structure, ABC):
         return f"({x:g}, {y:g}) m" if np.any(named.table.coordinates[:, 1]) else f"{x:g} m"
 
     def point_of(self, place: Place) -> Floats | None:
-        """(3,) coordinates of a place in axes of the body, m; None where it has none."""
+        """(3,) coordinates of a place in the axes of the body, m; None if unknown."""
         return None
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
-        """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
+        """(N,) inertia and (N,) force of springs to the ground, for a unit motion of the base."""
         assert self.unsupported is not None
         inertia = (self.unsupported[0] @ self.rigid_motion(motion)) @ self.all_dofs_map
         return np.asarray(inertia), np.zeros(self.size)
 
     def demand_undamped(self, motion: BaseDirection) -> None:
-        """Refuse a motion of the base that dashpots of imported matrices would damp, which others do not have.
+        """Refuse a motion of the base that dashpots of imported matrices would damp; other bodies accept all motions.
 
         Raises
         ------
         MethodError
-            Where there are some.
+            If there are such dashpots.
         """
 
     def recovery_row(self, number: int, order: int = 0) -> Floats:
-        """(all dofs,) another quantity that the body gives, by its number from 0, for a unit of each of its dofs.
+        """(all dofs,) row of another quantity of the body, by its index from 0.
 
-        ``order`` is that of the time derivative of the motion that it takes: 1 of velocity, 2 of acceleration.
+        ``order`` is the time derivative of the motion that it multiplies: 1 for velocity, 2 for acceleration.
         """
         raise ValueError(f"{self.name} gives no other quantities")  # which the scenario refuses
 
@@ -484,14 +484,14 @@ class BodyStructure(Structure, ABC):
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """What can be recovered along the body, with stations at the sites on it; ``member`` is the body itself.
+        """Quantities that can be recovered along the body, with stations at the sites on it.
 
         Parameters
         ----------
-        member : the body, and how it lies in its structure.
+        member : the body and its map from the structure.
         basis : reduced coordinates of the whole structure.
         sites : where forces act on the body.
-        base : how the base moves; None where it is at rest.
+        base : motion of the base; None if it is at rest.
 
         Returns
         -------
@@ -500,5 +500,5 @@ class BodyStructure(Structure, ABC):
         """
 
     def given_field(self, numbers: Sequence[float]) -> BodyField:
-        """A field that a scenario gives by numbers, as the kind of body reads them."""
+        """A field given by numbers in the form that this kind of body takes."""
         raise ValueError(f"{self.name} takes no field to start from")  # which the scenario refuses

@@ -1,16 +1,16 @@
-r"""Forces that supports, joints and springs exert, from equilibrium with the inertia of the motion.
+r"""Forces of supports, joints and springs, from equilibrium with the inertia of the motion.
 
-Where the place s that holds a structure moves by one unit and nothing else acts, the structure takes the static shape
-:math:`\psi`. By virtual work along it, the force on the structure at s is
+For a unit motion of a restrained place s, with no other load, the structure takes the static shape :math:`\psi`. By
+virtual work along it, the force on the structure at s is
 
 .. math:: R = \psi^T (M \ddot u_a + D \dot u - f) + d_s^T \dot u,
 
 with :math:`u_a` the absolute motion, D the dashpots and viscous damping, f the other forces, and :math:`d_s` the
-dashpot of the support itself. The share of a force that s carries is the value of :math:`\psi` where it acts. Elastic
-forces drop out, so that R converges as the accelerations do, and all of them together balance loads and inertia
-exactly whatever modes are kept. Modal and Rayleigh damping act on the deformation relative to :math:`\psi` and drop out
-with the elastic forces that they accompany. Supports that move add to it by their own displacement, velocity and
-acceleration: the force on s while they move and the degrees of freedom do not, and what they do along :math:`\psi`.
+dashpot of the support itself. The share of a force that s carries is the value of :math:`\psi` at the force. Elastic
+forces cancel, so that R converges as fast as the accelerations, and all reactions together balance loads and inertia
+exactly for any number of modes. Modal and Rayleigh damping act on the deformation relative to :math:`\psi` and cancel
+with the elastic forces. Moving supports contribute by their own displacement, velocity and acceleration: the force on s
+with all other degrees of freedom at rest, and their work along :math:`\psi`.
 """
 
 from __future__ import annotations
@@ -39,34 +39,34 @@ from beamsim.typing import Floats
 
 @dataclass(frozen=True)
 class Support:
-    """A place that holds a structure, and the force that it exerts, linear in the motion and in what acts.
+    """A restrained place of a structure, with its reaction as a linear function of motion and loads.
 
-    It is known by what its own unit motion does while the degrees of freedom of the structure stay at zero.
+    It is defined by its own unit motion with all degrees of freedom of the structure at zero.
     """
 
     structure: Structure
-    name: str  # that of what holds a body; of a joint or spring its own
+    name: str  # name of the support of a body, or of the joint or spring
     direction: str  # of the motion: a force of a displacement, a moment of a rotation
-    base_motion: float  # how far it moves with a unit motion of the base
-    body: str = ""  # that it holds; empty for joints and springs
+    base_motion: float  # its motion for a unit motion of the base
+    body: str = ""  # its body; empty for joints and springs
     site: Site | None = None  # of a joint or spring
     fixed_motion: Mapping[str, Floats] = field(
         default_factory=dict
-    )  # by body (all its dofs,) motion of what supports fix
+    )  # motion of the fixed dofs, for each body (all its dofs,)
     free_motion: Mapping[str, Floats] = field(
         default_factory=dict
-    )  # by body (N,) motion of the others, of a joint that holds
-    extensions: Mapping[Coupling, float] = field(default_factory=dict)  # how far springs are drawn apart
-    determined: bool = True  # whether nothing else holds the same
+    )  # motion of the free dofs of each body (N,), of a rigid joint
+    extensions: Mapping[Coupling, float] = field(default_factory=dict)  # extension of springs
+    determined: bool = True  # whether its force is statically determined by the motion
 
     @property
     def is_constraint(self) -> bool:
-        """Whether it is a joint that holds without a spring."""
+        """Whether it is a joint without a spring."""
         return bool(self.free_motion)
 
     @property
     def on_base(self) -> bool:
-        """Whether it is the base that holds the structure there: not the ground, and not another body."""
+        """Whether it connects the structure to the base, not to the ground or another body."""
         to_ground = not self.is_constraint and any(spring.to_ground for spring in self.extensions)
         return not to_ground and not isinstance(self.site, Link)
 
@@ -78,7 +78,7 @@ class Support:
 
     @cached_property
     def _whole_forces(self) -> dict[str, Floats]:
-        """By body (3, all dofs) force per displacement, N/m, acceleration, kg, and velocity, N s/m, of the motion."""
+        """For each body (3, all dofs) force per displacement, acceleration and velocity of the unit motion, SI."""
         forces = {name: self._member(name).body.forces_of(u) for name, u in self.motion.fields.items()}
         if self.body:
             body = self._member(self.body).body
@@ -89,12 +89,12 @@ class Support:
 
     @cached_property
     def forces(self) -> dict[str, Floats]:
-        """By body (3, N of the body): what holds its degrees of freedom."""
+        """For each body (3, N of the body): forces on its free degrees of freedom."""
         return {name: of @ self._member(name).body.all_dofs_map for name, of in self._whole_forces.items()}
 
     @cached_property
     def on_dofs(self) -> Floats:
-        """(3, N) force per displacement, acceleration and velocity that holds the structure's degrees of freedom."""
+        """(3, N) forces on the structure's degrees of freedom, per displacement, acceleration and velocity."""
         total = np.zeros((3, self.structure.size))
         for name, of_body in self.forces.items():
             total += of_body @ self._member(name).expansion
@@ -113,7 +113,7 @@ class Support:
         return self.structure.member(name)
 
     def on_body(self, body: str, other: Support) -> Floats:
-        """(3,) force on it per displacement (N/m), acceleration and velocity of another one, by what one body resists.
+        """(3,) force per displacement (N/m), acceleration and velocity of another support, transmitted by one body.
 
         All degrees of freedom stay at zero.
         """
@@ -145,7 +145,7 @@ class Support:
         return np.asarray(self.on_dofs[2] if damping is None else self.on_dofs[2] + damping @ self.shape)
 
     def base_forces(self, motion: BaseDirection) -> Floats:
-        """(2,) force per acceleration of the base, kg, and per displacement, N/m: that of springs to the ground."""
+        """(2,) force per acceleration of the base, kg, and per displacement, N/m (springs to the ground)."""
         structure = self.structure
         inertia, ground = structure.base_load(motion)
         total = np.array([structure.mass_scale * inertia @ self.shape, -ground @ self.shape])
@@ -160,27 +160,27 @@ class Support:
         return total
 
     def direct(self, place: Place | LoadedRegion) -> float:
-        """Share of a unit load that goes to it while all degrees of freedom stay at zero."""
+        """Share of a unit load that acts directly on it, with all degrees of freedom at zero."""
         body = self._member(place.body).body
         moved = self.motion.fields.get(body.name)
         return 0.0 if moved is None else float(body.unsupported_row(place) @ moved)
 
     def share(self, site: LoadSite) -> float:
-        """Share of a unit load that the support carries; its force is minus that."""
+        """Share of a unit load that the support carries; its reaction is the opposite."""
         if isinstance(site, Link):
             return self.share(site.second) - self.share(site.first)
         return self.direct(site) + float(self.structure.row(site) @ self.shape)
 
 
 def _of_spring(spring: Coupling) -> Floats:
-    """(3,) stiffness, mass and dashpot."""
+    """(3,) stiffness, mass and dashpot of a spring."""
     return np.array([spring.stiffness or 0.0, 0.0, spring.dashpot])
 
 
 def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Support, ...]:
-    """All supports of the bodies, then joints and springs, direction by direction.
+    """All supports of the bodies, then joints and springs, one for each direction.
 
-    ``base`` is the motion of the base that `Support.base_motion` belongs to.
+    ``base`` is the motion of the base for `Support.base_motion`.
     """
     held = []
     for name, body in ((member.body.name, member.body) for member in structure.members):
@@ -193,7 +193,7 @@ def supports_of(structure: Structure, base: BaseDirection = UPWARDS) -> tuple[Su
 
 
 def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support]:
-    """Springs pull along their row; of constraints each is moved by one unit while the others hold."""
+    """Supports of springs and joints; for each rigid joint the unit motion with the others fixed."""
     held = [coupling for coupling in structure.couplings if coupling.stiffness is None]
     springs = [coupling for coupling in structure.couplings if coupling.stiffness is not None]
     motions = iter(_unit_motions(structure, held))
@@ -216,9 +216,9 @@ def _of_couplings(structure: Structure, base: BaseDirection) -> Iterator[Support
 
 
 def _unit_motions(structure: Structure, constraints: Sequence[Coupling]) -> list[tuple[list[Floats], bool]]:
-    """By constraint the least motion of each body apart that moves it by one unit and no other one.
+    """For each constraint the smallest motion of each body that moves only this constraint by one unit.
 
-    With whether there is such a motion.
+    The second value tells whether such a motion exists.
     """
     if not constraints:
         return []

@@ -1,9 +1,8 @@
-r"""Sparse factors of symmetric matrices, scaled and ordered for little fill, and what the signs of their pivots tell.
+r"""Sparse factors of symmetric matrices, scaled and ordered for little fill-in, and counts from the signs of pivots.
 
-Matrices of meshes are ordered by nested dissection: the nodes are cut in two of equal number at a plane across
-their longest extent, again and again; the rows between the halves come last. On meshes of solids the factors have about
-half of the entries that minimum degree leaves, and take a quarter of the time (A. George, SIAM J. Numer. Anal. 10
-(1973) 345-363).
+Matrices of meshes are ordered by nested dissection: the nodes are repeatedly divided into halves by a plane across
+their longest extent; the rows between the halves come last. For solid meshes the factors have about half of the entries
+of minimum degree ordering, and take a quarter of the time (A. George, SIAM J. Numer. Anal. 10 (1973) 345-363).
 
 By Sylvester's law of inertia, :math:`K - \Omega^2 M = L D L^T` has as many negative entries in D as there are natural
 frequencies below :math:`\Omega`, whatever an eigenvalue solver found or missed (a Sturm count).
@@ -25,12 +24,12 @@ from beamsim.typing import Floats, Ints
 
 
 def dissection(matrix: Any, places: Floats | None) -> Ints | None:
-    """(N,) rows of a sparse symmetric matrix in the order of elimination; None where places do not tell it.
+    """(N,) order of elimination of a sparse symmetric matrix; None if the places do not determine it.
 
     Parameters
     ----------
     matrix : (N, N) sparse.
-    places : (N, 3) coordinates of the node of each row; NaN where a row has none; None where none are known.
+    places : (N, 3) coordinates of the node of each row; NaN if unknown; None if all are unknown.
     """
     if places is None:
         return None
@@ -38,7 +37,7 @@ def dissection(matrix: Any, places: Floats | None) -> Ints | None:
     graph = csr_array(matrix)
     graph = csr_array((np.ones(graph.nnz, dtype=np.int32), graph.indices, graph.indptr), shape=graph.shape)
     entries = np.diff(graph.indptr)
-    # a row with many entries would join everything: it comes last of all
+    # a row with many entries would connect everything: it comes last
     last = (entries > 10.0 * np.median(entries)) | ~np.all(np.isfinite(places), axis=1)
     if last.sum() > size // 4:
         return None
@@ -57,7 +56,7 @@ def dissection(matrix: Any, places: Floats | None) -> Ints | None:
 
 
 def _cut(graph: Any, places: Floats, rows: Ints, mark: Ints) -> tuple[Ints, Ints, Ints] | None:
-    """Two halves of the rows without a common entry, and the rows between them; None where all are at one place."""
+    """Two halves of the rows without common entries, and the rows between them; None if all are at the same place."""
     at = places[rows]
     axis = int(np.argmax(np.ptp(at, axis=0)))
     middle = np.median(at[:, axis])
@@ -73,25 +72,25 @@ def _cut(graph: Any, places: Floats, rows: Ints, mark: Ints) -> tuple[Ints, Ints
     return first, others[~touching], others[touching]
 
 
-LARGEST_FACTOR_ERROR = 0.01  # of factors whose signs count, over the smallest eigenvalue
+LARGEST_FACTOR_ERROR = 0.01  # relative to the smallest eigenvalue, up to which signs of pivots count
 
 
 @dataclass(frozen=True)
 class SymmetricLU:
-    """Factors of D A D with a unit diagonal, so that rotations in rad and displacements in m have like pivots.
+    """Factors of D A D with a unit diagonal, so that rotations in rad and displacements in m have similar pivots.
 
-    The rows may be in another order than those of A, which `symmetric_lu` was given.
+    The rows may be in another order than those of the matrix A given to `symmetric_lu`.
     """
 
     lu: Any  # SuperLU
     scale: Floats  # (N,) diagonal of D, in the order of A
     matrix: Any  # (N, N) D A D, in the order of the factors
     order: Ints  # (N,) rows of A in the order of the factors
-    # (r,) rows that `factors_with_rigid_motions` replaces, which hold rigid-body motions; none where A is unchanged
+    # (r,) rows with rigid-body motions that `factors_with_rigid_motions` replaces; empty if A is unchanged
     pinned: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def solve(self, load: Floats) -> Floats:
-        """(N,) or (N, k) solution."""
+        """(N,) or (N, k) solution for a load."""
         scale = self.scale if load.ndim == 1 else self.scale[:, None]
         solution = np.empty_like(load)
         solution[self.order] = self.lu.solve((scale * load)[self.order])
@@ -99,27 +98,26 @@ class SymmetricLU:
 
     @property
     def pivots(self) -> Floats:
-        """(N,) pivots, of the scaled matrix, by row of A; without exchanges as many are negative as eigenvalues."""
+        """(N,) pivots of the scaled matrix, in the order of A; their signs count negative eigenvalues if none moved."""
         pivots = np.empty(self.scale.size)
         pivots[self.order] = self.lu.U.diagonal()[self.lu.perm_c]
         return pivots
 
     @property
     def root(self) -> Any:
-        """(N, N) sparse B with A = B^T B, where all pivots are positive and none was exchanged."""
+        """(N, N) sparse B with A = B^T B, if all pivots are positive and none was exchanged."""
         upper = self.lu.U
         columns = self.lu.perm_c[np.argsort(self.order)]
-        root = upper[:, columns]  # a copy, scaled in place: products with diagonal matrices would copy it twice more
+        root = upper[:, columns]  # a copy, scaled in place; products with diagonal matrices would need two more copies
         root.data /= np.sqrt(upper.diagonal())[root.indices]
         root.data /= np.repeat(self.scale, np.diff(root.indptr))
         return root
 
 
 def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
-    """Factors without exchanged pivots; raises `RuntimeError` for a matrix that is exactly singular.
+    """Factorise without pivoting; raises `RuntimeError` for an exactly singular matrix.
 
-    ``order`` (N,) is that of elimination, such as `beamsim.structures.symmetric_lu.dissection` gives; minimum degree
-    without.
+    ``order`` (N,) is the order of elimination, such as from `dissection`; minimum degree by default.
     """
     diagonal = np.abs(matrix.diagonal())
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
@@ -135,28 +133,28 @@ def symmetric_lu(matrix: Any, order: Ints | None = None) -> SymmetricLU:
 
 
 def blocks_of(matrix: Any) -> list[Ints]:
-    """Rows of every block of a sparse symmetric matrix; no entry couples one block to another."""
+    """Rows of every diagonal block of a sparse symmetric matrix; no entry couples two blocks."""
     _, label = connected_components(matrix, directed=False)
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
 def factors_with_rigid_motions(stiffness: Any, rigid: Floats, order: Ints | None = None) -> SymmetricLU:
-    """Factors of K in which a diagonal matrix replaces as many rows and columns as there are rigid-body motions.
+    """Factors of K after replacing as many rows and columns by a diagonal matrix as there are rigid-body motions.
 
-    They are those in which these motions differ most. What the factors solve for a load in equilibrium, zero in these
-    rows, is a deflection of the free structure.
+    The rows are those in which the rigid-body motions differ most. The solution for a load in equilibrium is a
+    deflection of the free structure that is zero in these rows.
 
     Parameters
     ----------
     stiffness : (N, N) sparse K, positive semidefinite.
     rigid : (N, r) its null space.
-    order : (N,) of elimination.
+    order : (N,) order of elimination.
 
     Returns
     -------
     SymmetricLU
-        Of a positive definite matrix.
+        Factors of a positive definite matrix.
 
     Raises
     ------
@@ -173,7 +171,7 @@ def factors_with_rigid_motions(stiffness: Any, rigid: Floats, order: Ints | None
 
 
 def _singular() -> ScenarioError:
-    """That round-off makes a stiffness matrix singular."""
+    """The error of a stiffness matrix that is singular by round-off."""
     return ScenarioError.at(
         "bodies", "or joints have stiffnesses that differ by more than 16 digits: round-off makes the stiffness "
         "matrix singular", "bring very large and very small stiffnesses closer together",
@@ -181,9 +179,9 @@ def _singular() -> ScenarioError:
 
 
 def _pin(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
-    """K with a diagonal matrix in place of some rows and columns, and which; see `factors_with_rigid_motions`."""
+    """K with some rows and columns made diagonal, and their indices; see `factors_with_rigid_motions`."""
     size, count = rigid.shape
-    # of equals the first, whatever the scale of the motions: round-off must not choose others where it differs
+    # of equal rows the first: round-off must not select another one
     ranked = rigid * np.linspace(1.0, 1.0 - FIRST_ROW_PREFERENCE, size)[:, None]
     pinned: Ints = np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count])
     held = np.isin(np.arange(size), pinned).astype(float)
@@ -193,20 +191,20 @@ def _pin(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
     return stiffness, pinned
 
 
-FIRST_ROW_PREFERENCE = 1e-6  # of the first row over the last one, of rows in which rigid-body motions differ equally
-# Above this size a matrix whose factors are not accurate without pivoting is not factorised densely.
+FIRST_ROW_PREFERENCE = 1e-6  # over the last row, among rows with equal rigid-body motions
+# Larger matrices whose factors are inaccurate without pivoting are not factorised densely.
 DENSE_COUNT = 3000
 
 
 def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
-    """Number of negative eigenvalues of a symmetric sparse matrix; None where round-off leaves it unknown.
+    """Number of negative eigenvalues of a symmetric sparse matrix; None if round-off hides it.
 
-    ``order`` may be the rows in the order of elimination.
+    ``order`` is an optional order of elimination.
 
-    The sparse factorisation keeps to the diagonal. As many of its pivots are negative as eigenvalues if its error, in
-    the Frobenius norm, is far below the smallest eigenvalue. It is known by 8 products with random signs, whose mean
-    square is that of the norm: factors multiplied with each other take many times as long as they do themselves. A
-    small matrix for which that fails is factorised densely with pivoting (Bunch and Kaufman).
+    The sparse factorisation uses diagonal pivots. Their signs are reliable if its error, in the Frobenius norm, is far
+    below the smallest eigenvalue. The error is estimated from 8 products with random signs, whose mean square equals
+    the squared norm, since multiplying the factors takes far longer than computing them. A small matrix that fails this
+    test is factorised densely with pivoting (Bunch and Kaufman).
     """
     size = matrix.shape[0]
     try:
@@ -225,7 +223,7 @@ def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
 
 
 def _negative_eigenvalues_of_dense(matrix: Any) -> int:
-    """The same of a small matrix, by factors with pivoting."""
+    """Number of negative eigenvalues of a small matrix, by factors with pivoting."""
     diagonal = np.abs(matrix.diagonal())
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     _, d, _ = ldl(scale[:, None] * matrix.toarray() * scale)
