@@ -315,7 +315,7 @@ class Contacts:
         following = a.next[contact, before, : a.guards[contact, before]]
         return np.asarray(a.guard[contact, before, int(np.flatnonzero(following == after)[0])])
 
-    def border(self, contact: int, before: int, after: int) -> tuple[float, bool]:
+    def boundary(self, contact: int, before: int, after: int) -> tuple[float, bool]:
         """Penetration at which a contact changes from one phase to another.
 
         Parameters

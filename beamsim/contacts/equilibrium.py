@@ -86,14 +86,14 @@ class Equilibrium:
 
 
 def find_equilibrium(
-    stiffness: Floats, rigid: int, springs: Springs, loads: Floats, cubic: CubicSprings | None = None
+    stiffness: Floats, rigid_count: int, springs: Springs, loads: Floats, cubic: CubicSprings | None = None
 ) -> Equilibrium:
     """Find the static equilibrium of a structure with one-sided springs.
 
     Parameters
     ----------
     stiffness : (n,) diagonal of K, the first `rigid` entries zero, rad^2/s^2.
-    rigid : number of rigid-body coordinates.
+    rigid_count : number of rigid-body coordinates.
     springs : the one-sided springs.
     loads : (L, n) constant loads, separate so that a balance can be distinguished from round-off.
     cubic : cubic springs; None without.
@@ -112,25 +112,25 @@ def find_equilibrium(
     shape, load = springs.shape.copy(), loads.sum(axis=0)
     # a stop at a node of a rigid-body motion does not restrain it, whatever the round-off
     nodes = np.abs(shape) <= _ON_NODE * np.linalg.norm(shape, axis=1)[:, None]
-    shape[:, :rigid][nodes[:, :rigid]] = 0.0
-    load[:rigid][np.abs(load[:rigid]) <= _ROUND_OFF * np.abs(loads[:, :rigid]).sum()] = 0.0
+    shape[:, :rigid_count][nodes[:, :rigid_count]] = 0.0
+    load[:rigid_count][np.abs(load[:rigid_count]) <= _ROUND_OFF * np.abs(loads[:, :rigid_count]).sum()] = 0.0
     energy = _Energy(stiffness, replace(springs, shape=shape), cubic, load)
     found = np.zeros(stiffness.size), np.zeros(springs.stiffness.size)
     nothing = np.full(springs.stiffness.size, np.nan)
     if load.any() or np.any(springs.gap < 0.0):  # else it stays undeformed
-        reached = _energy_minimum(energy, rigid)
+        reached = _energy_minimum(energy, rigid_count)
         if reached is None:
             return Equilibrium(None, nothing, UNBALANCED_MESSAGE)
         found = reached
-    if (rigid or energy.softens) and not _unique(energy, *found):  # else every motion is resisted by a stiffness
+    if (rigid_count or energy.softens) and not _unique(energy, *found):  # else every motion is resisted by a stiffness
         return Equilibrium(None, nothing, FLOATING_MESSAGE, found[0])
     return Equilibrium(*found)
 
 
-def _energy_minimum(energy: _Energy, rigid: int) -> tuple[Floats, Floats] | None:
+def _energy_minimum(energy: _Energy, rigid_count: int) -> tuple[Floats, Floats] | None:
     """Coordinates (n,) and spring forces (m,) at the minimum of an energy; None if there is no minimum."""
     bounded = not energy.softens and not energy.cubic.count
-    if bounded and rigid and not _can_balance(energy.normal[:, :rigid], energy.load[:rigid]):
+    if bounded and rigid_count and not _can_balance(energy.normal[:, :rigid_count], energy.load[:rigid_count]):
         return None
     q = _minimum(energy)
     if energy.is_minimum(q):

@@ -189,7 +189,7 @@ def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
 LAWS = {"kelvin_voigt": kelvin_voigt, "no_tension": no_tension}  # by their names in a scenario
 
 
-def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid: int) -> float:
+def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid_count: int) -> float:
     """The dashpot of a damping ratio, ``c = 2 xi k / Omega``.
 
     Omega is the first natural frequency with only this snubber closed; rigid-body modes are skipped.
@@ -198,22 +198,22 @@ def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Flo
     ----------
     ratio : xi.
     stiffness : k, N/m.
-    omega : (n,) rad/s, open structure, the first ``rigid`` of them zero.
+    omega : (n,) rad/s, open structure, the first ``rigid_count`` of them zero.
     shape : (n,) deflection at the snubber for a unit of each coordinate.
-    rigid : number of rigid-body coordinates.
+    rigid_count : number of rigid-body coordinates.
 
     Returns
     -------
     N s/m; nan where there is no mode but rigid-body modes.
     """
-    closed, _ = closed_modes(omega, shape[None, :], np.array([stiffness]), rigid)
+    closed, _ = closed_modes(omega, shape[None, :], np.array([stiffness]), rigid_count)
     moving = closed[closed > 0]
     return float(2 * ratio * stiffness / moving[0]) if moving.size else math.nan
 
 
 def build_contacts(
     snubbers: Sequence[LocatedItem], curves: Sequence[ForceCurve | None], shape: Floats, base_participations: Floats,
-    omega: Floats, rigid: int,
+    omega: Floats, rigid_count: int,
 ) -> Contacts:  # fmt: skip
     """Contacts with dashpots resolved; gaps are those given, 0 where a preload is given instead.
 
@@ -224,7 +224,7 @@ def build_contacts(
     shape : (m, n) deflection at each for a unit of each coordinate.
     base_participations : (m,) displacement of each place for a unit displacement of the base.
     omega : (n,) rad/s, open structure.
-    rigid : number of rigid-body coordinates.
+    rigid_count : number of rigid-body coordinates.
 
     Returns
     -------
@@ -244,7 +244,7 @@ def build_contacts(
         if damping is not None and damping.kind == "viscous":
             c = float(damping.coefficient)
         elif damping is not None:
-            c = dashpot_from_ratio(damping.ratio, float(k), omega, row, rigid)
+            c = dashpot_from_ratio(damping.ratio, float(k), omega, row, rigid_count)
         if math.isnan(c):
             why = "has no meaning here: every natural frequency is zero with this snubber closed"
             raise ScenarioError(Problem(f"{path_text(at.path)}.damping.ratio", why, "give the dashpot in N s/m"))
@@ -368,7 +368,7 @@ def resolve_preloads(
     contacts: Contacts,
     snubbers: Sequence[LocatedItem],
     stiffness: Floats,
-    rigid: int,
+    rigid_count: int,
     loads: Floats,
     cubic: CubicSprings | None,
 ) -> Contacts:
@@ -382,8 +382,8 @@ def resolve_preloads(
     ----------
     contacts : the first of them snubbers.
     snubbers : the snubbers, at least one with a preload, N.
-    stiffness : (n,) diagonal of K, rad^2/s^2, the first ``rigid`` of them zero.
-    rigid : number of rigid-body coordinates.
+    stiffness : (n,) diagonal of K, rad^2/s^2, the first ``rigid_count`` of them zero.
+    rigid_count : number of rigid-body coordinates.
     loads : (L, n) constant loads.
     cubic : cubic springs.
 
@@ -402,11 +402,11 @@ def resolve_preloads(
     forces = (contacts.sign * force)[:, None] * contacts.shape
     springs = springs_of(contacts)
     rest = springs.take(~given[springs.contact])
-    equilibrium = find_equilibrium(stiffness, rigid, rest, np.vstack([loads, forces[given]]), cubic)
+    equilibrium = find_equilibrium(stiffness, rigid_count, rest, np.vstack([loads, forces[given]]), cubic)
     q = equilibrium.nonunique_q if equilibrium.q is None else equilibrium.q
     if q is None:
-        normal = (contacts.sign[:, None] * contacts.shape)[given, :rigid]
-        remedy = _balance_remedy(normal, force[given], loads[:, :rigid].sum(axis=0))
+        normal = (contacts.sign[:, None] * contacts.shape)[given, :rigid_count]
+        remedy = _balance_remedy(normal, force[given], loads[:, :rigid_count].sum(axis=0))
         raise ScenarioError(
             [_unreached_problem(snubbers[i], equilibrium, remedy) for i in np.flatnonzero(given).tolist()]
         )

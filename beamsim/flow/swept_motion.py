@@ -202,7 +202,7 @@ class LevelControl:
     trials: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        windows = windows_of_cycles(self.leg, self.specification, 0, 1, phase=self.phase, of_base=self.moves_base)
+        windows = windows_of_cycles(self.leg, self.specification, 0, 1, phase=self.phase, base_motion=self.moves_base)
         forcing, observers = self.loads(windows, self._carrier(0, 1))
         self._latest = ExactFlow(self.system, forcing, windows.duration, observers)  # whose contact states are kept
         self._there = _MotionAtEnd(start(self._latest, self.state)[0], self._latest)
@@ -305,7 +305,7 @@ class LevelControl:
         frequency = self.leg.frequency(np.append(cycle, cycles_ahead)[kept].astype(float))
         profile = self._profile(frequency, gain[kept])
         windows = windows_of_cycles(
-            self.leg, profile, cycle, int(cycles_ahead[-1]), phase=self.phase, of_base=self.moves_base
+            self.leg, profile, cycle, int(cycles_ahead[-1]), phase=self.phase, base_motion=self.moves_base
         )
         flow = with_windows(self._latest, self.loads, windows, self._carrier(cycle, int(cycles_ahead[-1])))
         begun, self._latest = self._there.motion.copy(), flow

@@ -136,7 +136,7 @@ def cut_into_windows(
 
 
 def windows_of_cycles(
-    leg: Leg, profile: Profile, first: int, last: int, *, phase: float, of_base: bool
+    leg: Leg, profile: Profile, first: int, last: int, *, phase: float, base_motion: bool
 ) -> SweepWindows:
     """Windows of the cycles ``first`` to ``last`` - 1 of a leg, as if the sweep started there.
 
@@ -146,8 +146,7 @@ def windows_of_cycles(
     profile : level over frequency, with edges between cycles.
     first, last : numbers of cycles.
     phase : of the sine at the start, rad.
-    of_base : whether it is a base motion: without drift on each piece of the profile, and without corrections between
-        them.
+    base_motion : whether it is a base motion: without drift on each piece of the profile, and without corrections.
 
     Returns
     -------
@@ -156,7 +155,7 @@ def windows_of_cycles(
     """
     begin, end = leg.frequency(np.array([first, last], dtype=float)).tolist()
     part = Leg(begin, end, leg.rate, leg.logarithmic)
-    return cut_into_windows([part], profile, phase=phase, corrections=() if of_base else None)
+    return cut_into_windows([part], profile, phase=phase, corrections=() if base_motion else None)
 
 
 def _windows(expansion: _LegExpansion, tolerance: float) -> dict[str, NDArray[Any]]:

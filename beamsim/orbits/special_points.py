@@ -192,7 +192,7 @@ def _at_one_point(step: BranchStep[OrbitProblem], more: FlowMap, few: FlowMap, *
     if not touching[0] or not (late or (all(touching) and _explains(step, graze))):
         return []
     return [
-        SpecialPoint("grazing", graze.parameter, graze, contact, time, *contacts.border(contact, before, after)[::-1])
+        SpecialPoint("grazing", graze.parameter, graze, contact, time, *contacts.boundary(contact, before, after)[::-1])
         for (contact, before, after, _), (_, time), touches in zip(stays, found, touching, strict=True)
         if touches
     ]

@@ -132,7 +132,7 @@ def plot_plate_mode(modes: Dataset, ax: Axes, body: str, number: int) -> None:
     number : of the mode, from 1.
     """
     stations = Stations.of_modes(modes)
-    on = next(part for part in stations.parts if part.body == body).stations
+    on = next(part for part in stations.bodies if part.body == body).stations
     assert stations.across is not None
     title = f"mode {number}, {modes['open_frequencies_hz'].values[number - 1]:.4g} Hz"
     plot_contours(ax, stations.position[on], stations.across[on], modes["shapes"].values[number - 1, on], title)

@@ -16,7 +16,7 @@ from beamsim.plots.style import plain_scale
 from beamsim.scenario import Scenario
 from beamsim.scenario.connections import place_bodies
 from beamsim.structures.assembly import site_in, snubber_site
-from beamsim.structures.places import Link, Place, Site, StationPart, Stations, ends_of
+from beamsim.structures.places import BodyStations, Link, Place, Site, Stations, ends_of
 from beamsim.system.structural import SnubberNumbers
 from beamsim.typing import Floats, Ints
 
@@ -66,13 +66,13 @@ class Sketch:
         self.scenario, self.stations, self.stops = scenario, stations, stops
         at = place_bodies(scenario.joints, scenario.all_bodies, scenario.default_body)
         self.sites: dict[str, Site] = {each.item.name: snubber_site(each) for each in scenario.located_snubbers}
-        rows = list(dict.fromkeys(at.groups.get(part.body, part.body) for part in stations.parts))
+        rows = list(dict.fromkeys(at.groups.get(part.body, part.body) for part in stations.bodies))
         for site in self.sites.values():  # the first of two places lies below the second
             low, high = ([at.groups.get(place.body, place.body) for place in ends_of(site)] * 2)[:2]
             if low in rows and high in rows and rows.index(low) > rows.index(high):
                 rows.remove(low)
                 rows.insert(rows.index(high), low)
-        lengths = [float(np.ptp(self._right_offsets(part))) for part in stations.parts if self._in_metres(part)]
+        lengths = [float(np.ptp(self._right_offsets(part))) for part in stations.bodies if self._in_metres(part)]
         self.span = max(lengths, default=1.0) or 1.0
         self.count = len(rows)
         self.rest = np.zeros(stations.position.size)
@@ -80,21 +80,21 @@ class Sketch:
             part.body: self._lines_of(
                 part, rows.index(at.groups.get(part.body, part.body)), at.origins.get(part.body, 0.0)
             )
-            for part in stations.parts
+            for part in stations.bodies
         }
 
-    def _in_metres(self, part: StationPart) -> bool:
+    def _in_metres(self, part: BodyStations) -> bool:
         points = self.stations.points
         return part.axis.continuous or (points is not None and bool(np.all(np.isfinite(points[part.stations]))))
 
-    def _right_offsets(self, part: StationPart) -> Floats:
+    def _right_offsets(self, part: BodyStations) -> Floats:
         """(k,) m to the right; nodes in space are seen obliquely."""
         if part.axis.continuous or self.stations.points is None:
             return self.stations.position[part.stations]
         x, y, _ = self.stations.points[part.stations].T
         return np.asarray(x + _SHEAR * y)
 
-    def _in_space(self, part: StationPart, row: int, origin: float, numbers: Ints) -> Line:
+    def _in_space(self, part: BodyStations, row: int, origin: float, numbers: Ints) -> Line:
         """Nodes in space; rows are a quarter of the span apart, and a high structure is pressed between them."""
         assert self.stations.points is not None
         _, y, z = self.stations.points[part.stations].T
@@ -105,7 +105,7 @@ class Sketch:
         x = origin + self._right_offsets(part)
         return Line(x, row, self.stations.position[part.stations], numbers, False, scale * up, pairs)
 
-    def _lines_of(self, part: StationPart, row: int, origin: float) -> list[Line]:
+    def _lines_of(self, part: BodyStations, row: int, origin: float) -> list[Line]:
         position, numbers = self.stations.position[part.stations], np.arange(part.stations.start, part.stations.stop)
         if not part.axis.continuous and self._in_metres(part):
             return [self._in_space(part, row, origin, numbers)]

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from beamsim.plots.drawing import curve_style, finish, legend, with_unit
 from beamsim.plots.style import scale_for
-from beamsim.structures.places import ON_PLATE, StationPart, Stations
+from beamsim.structures.places import ON_PLATE, BodyStations, Stations
 from beamsim.typing import Floats
 
 
@@ -23,28 +23,28 @@ def draw_along(ax: Axes, stations: Stations, label: str, shapes: Sequence[tuple[
     scale = scale_for("m", *(shape for _, shape, _ in shapes))
     for k, (label, shape, style) in enumerate(shapes):
         drawn = {**curve_style(k), "markersize": 4, **style}
-        for part in stations.parts:
+        for part in stations.bodies:
             for name, x, y in _lines(stations, part, shape * scale.factor):
                 ax.plot(x, y, label=label, **({"marker": "" if part.axis.continuous else "o"} | drawn))
                 ax.annotate(name, (x[-1], y[-1]), fontsize="x-small", color="0.4")
                 label = "_nolegend_"
     names = []
-    for part in stations.parts:
+    for part in stations.bodies:
         x = stations.position[part.stations]
         unit = f" ({scale_for(part.axis.unit, x).unit})" if part.axis.continuous else ""
         names.append(part.axis.label + unit)
-        if not part.axis.continuous and len(stations.parts) == 1:  # masses have whole numbers
+        if not part.axis.continuous and len(stations.bodies) == 1:  # masses have whole numbers
             ax.set_xticks(x[:: -(-x.size // 20)])  # at most 20
     finish(ax, " / ".join(dict.fromkeys(names)), with_unit(label, scale))
     legend(ax)
 
 
-def _lines(stations: Stations, part: StationPart, shape: Floats) -> Iterator[tuple[str, Floats, Floats]]:
+def _lines(stations: Stations, part: BodyStations, shape: Floats) -> Iterator[tuple[str, Floats, Floats]]:
     """A beam or a row of masses as one line, the bottom and the top edge of a plate as two, with their names."""
     x, y = stations.position[part.stations], shape[part.stations]
     if part.axis.continuous or part.axis is ON_PLATE:
         x = x * scale_for(part.axis.unit, x).factor
-    several = len(stations.parts) > 1
+    several = len(stations.bodies) > 1
     if part.axis is not ON_PLATE:
         yield part.body if several else "", x, y
         return

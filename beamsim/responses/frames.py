@@ -10,7 +10,7 @@ import numpy as np
 from beamsim.responses.histories import between_samples
 from beamsim.scenario import Scenario
 from beamsim.structures.assembly import snubber_site
-from beamsim.structures.places import ON_PLATE, Place, Site, StationPart, Stations, ends_of
+from beamsim.structures.places import ON_PLATE, BodyStations, Place, Site, Stations, ends_of
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Bools, Floats, Ints
 
@@ -80,7 +80,7 @@ def frames_at(
     Frames
     """
     (times, slow), scenario, model = instants, system.scenario, system.model
-    lines = tuple(line for part in system.stations.parts for line in _lines_of(system.stations, part, scenario))
+    lines = tuple(line for part in system.stations.bodies for line in _lines_of(system.stations, part, scenario))
     sites = {located.item.name: snubber_site(located) for located in scenario.located_snubbers}
     of_lines = [model.shapes(x.places) if x.stations is None else system.deflection[x.stations] for x in lines]
     at_stops = model.shapes([end for site in sites.values() for end in ends_of(site)])
@@ -149,7 +149,7 @@ def frame_times(
     return times, slow[np.clip(np.searchsorted(fine, times), 0, fine.size - 1)]
 
 
-def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list[DrawnLine]:
+def _lines_of(stations: Stations, part: BodyStations, scenario: Scenario) -> list[DrawnLine]:
     bodies = list(scenario.all_bodies)
     name = part.body if part.body in bodies else bodies[0]  # one alone is called after its axis
     x = stations.position[part.stations]
@@ -169,7 +169,7 @@ def _lines_of(stations: Stations, part: StationPart, scenario: Scenario) -> list
     ]
 
 
-def lines_of_nodes(stations: Stations, part: StationPart) -> list[Ints]:
+def lines_of_nodes(stations: Stations, part: BodyStations) -> list[Ints]:
     """Stations of each line: one line in order; for nodes in space one line per element edge, and single nodes."""
     numbers = np.arange(part.stations.start, part.stations.stop)
     if stations.points is None or not np.all(np.isfinite(stations.points[part.stations])):

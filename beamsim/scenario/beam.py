@@ -59,19 +59,19 @@ class SquareSection(Schema):
         return _rectangle(self.side, self.side)
 
 
-def _without_section(missing: Sequence[str]) -> InvalidValueError:
+def _without_section(missing_keys: Sequence[str]) -> InvalidValueError:
     """The error of a beam without section and without width or thickness."""
     remedy = "give width and thickness, for example width: 50 mm, thickness: 5 mm, or a section"
-    if len(missing) == 1:
-        return InvalidValueError("is missing", remedy, tuple(missing))
+    if len(missing_keys) == 1:
+        return InvalidValueError("is missing", remedy, tuple(missing_keys))
     return InvalidValueError("has no cross-section", remedy)
 
 
-def _ring(outside: float, inside: float) -> CrossSection:
+def _ring(outer_diameter: float, inner_diameter: float) -> CrossSection:
     """The ring between two diameters."""
-    return CrossSection(
-        math.pi / 4.0 * (outside**2 - inside**2), math.pi / 64.0 * (outside**4 - inside**4), outside / 2.0
-    )  # fmt: skip
+    area = math.pi / 4.0 * (outer_diameter**2 - inner_diameter**2)
+    second_moment = math.pi / 64.0 * (outer_diameter**4 - inner_diameter**4)
+    return CrossSection(area, second_moment, outer_diameter / 2.0)
 
 
 class CircleSection(Schema):

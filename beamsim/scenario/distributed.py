@@ -178,7 +178,7 @@ class DistributedLoad(Schema):
 
     acts_on: ClassVar[str] = ""
     """Kind of body that it acts on."""
-    part: ClassVar[str] = ""
+    region_key: ClassVar[str] = ""
     """Key of the loaded part."""
 
     places: ClassVar[tuple[AtPlace, ...]] = ()
@@ -187,7 +187,7 @@ class DistributedLoad(Schema):
     @property
     def ends(self) -> tuple[WrittenPosition, WrittenPosition] | None:
         """The ends, or opposite corners, of the loaded part; None for the whole body."""
-        given: Any = getattr(self, self.part)
+        given: Any = getattr(self, self.region_key)
         return None if given == "whole" else given
 
     def check(self) -> None:
@@ -206,7 +206,7 @@ class DistributedLoad(Schema):
         name = self.body or scenario.default_body
         if name not in scenario.all_bodies:
             return
-        body, where, key = scenario.all_bodies[name], scenario.body_path(name), self.part
+        body, where, key = scenario.all_bodies[name], scenario.body_path(name), self.region_key
         if body.body_kind != self.acts_on:
             message = f"belongs to a {self.acts_on}, but {path_text(where)} is {body.called}"
             yield problem((*path, key), message, body.load_remedy)
@@ -228,7 +228,7 @@ class LineLoad(DistributedLoad):
     distinguishing_keys: ClassVar[tuple[str, ...]] = ("line",)
     level_quantities: ClassVar[tuple[Literal["force_per_length"]]] = ("force_per_length",)
     acts_on: ClassVar[str] = "beam"
-    part: ClassVar[str] = "line"
+    region_key: ClassVar[str] = "line"
 
     line: Annotated[Literal["whole"] | _Pair, Variants(
         "is not a part of a beam", "write whole, or both ends: [100 mm, 60 %]"
@@ -242,7 +242,7 @@ class AreaLoad(DistributedLoad):
     distinguishing_keys: ClassVar[tuple[str, ...]] = ("area",)
     level_quantities: ClassVar[tuple[Literal["pressure"]]] = ("pressure",)
     acts_on: ClassVar[str] = "plate"
-    part: ClassVar[str] = "area"
+    region_key: ClassVar[str] = "area"
 
     area: Annotated[Literal["whole"] | tuple[_Pair, _Pair], Variants(
         "is not a part of a plate", "write whole, or opposite corners: [[0, 0], [100 mm, 50 %]]"

@@ -47,9 +47,9 @@ Quantity = Literal[
 About = Annotated[q.Coordinate | Annotated[tuple[q.Coordinate, ...], Field(min_length=1, max_length=3)], BY_FORM]
 
 
-def point_of(about: float | tuple[float, ...] | None) -> tuple[float, float, float]:
+def point_of(coordinates: float | tuple[float, ...] | None) -> tuple[float, float, float]:
     """x, y and z, m, of a point with at most three coordinates; missing ones are 0."""
-    given = () if about is None else about if isinstance(about, tuple) else (about,)
+    given = () if coordinates is None else coordinates if isinstance(coordinates, tuple) else (coordinates,)
     x, y, z = (*given, 0.0, 0.0, 0.0)[:3]
     return x, y, z
 

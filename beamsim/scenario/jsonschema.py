@@ -59,37 +59,37 @@ def _shorten(schema: Any) -> Any:
     return {name: _shorten(item) for name, item in schema.items()}
 
 
-def _loosen(schema: Any, parts: dict[str, Any], partial: dict[str, Any]) -> Any:
+def _loosen(schema: Any, definitions: dict[str, Any], partial: dict[str, Any]) -> Any:
     """The schema for merging with another file: keys are required only inside replaced values; null is allowed.
 
     Parameters
     ----------
     schema : schema of a complete file.
-    parts : definitions that it refers to, by name.
+    definitions : definitions that it refers to, by name.
     partial : filled with the changed definitions, under new names.
     """
     if isinstance(schema, list):
-        return [_loosen(item, parts, partial) for item in schema]
+        return [_loosen(item, definitions, partial) for item in schema]
     if not isinstance(schema, dict):
         return schema
     loose: dict[str, Any] = {}
     for name, item in schema.items():
         if name == "$ref":
             of = item.rpartition("/")[2]
-            if (found := _loosen(parts[of], parts, partial)) != parts[of]:
+            if (found := _loosen(definitions[of], definitions, partial)) != definitions[of]:
                 partial[of + _PARTIAL] = {key: each for key, each in found.items() if key != "description"}
             loose[name] = item + _PARTIAL * (of + _PARTIAL in partial)
         elif name == "items":
             loose[name] = item
         elif name == "properties":
             for key, each in item.items():
-                inner = each if key in REPLACED_WHOLE else _loosen(each, parts, partial)
+                inner = each if key in REPLACED_WHOLE else _loosen(each, definitions, partial)
                 removable = {"anyOf": [inner, _NULL], "description": each["description"]}
                 loose.setdefault(name, {})[key] = inner if _NULL in inner.get("anyOf", ()) else removable
         elif name == "oneOf":
-            loose["anyOf"] = _loosen(item, parts, partial)
+            loose["anyOf"] = _loosen(item, definitions, partial)
         elif name not in ("required", "discriminator"):
-            loose[name] = _loosen(item, parts, partial)
+            loose[name] = _loosen(item, definitions, partial)
     return loose
 
 

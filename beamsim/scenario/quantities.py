@@ -190,16 +190,16 @@ class UsualRange:
         """Whether a value lies in the range, which is multiplied by a reference size (both SI)."""
         return self.smallest * size <= value <= self.largest * size
 
-    def question(self, value: float, size: float, written: float | str) -> str:
+    def question(self, value: float, size: float, written_value: float | str) -> str:
         """A question about a questionable value, with the probable meaning; empty if the value is plausible.
 
         Parameters
         ----------
         value : SI.
         size : reference size that multiplies the range, SI.
-        written : the value as the user wrote it.
+        written_value : the value as the user wrote it.
         """
-        number, unit = units.number_and_unit(written)
+        number, unit = units.number_and_unit(written_value)
         sizes = [units.size_of(name, self.dimension) for name in self.units]
         if unit and (self.bare_only or not any(math.isclose(number * of, value, rel_tol=1e-12) for of in sizes)):
             return ""

@@ -109,20 +109,20 @@ class DisplayUnits(Schema):
     energy: Annotated[str, q.UnitType(dimension=units.ENERGY, example="J")] | None = None
     """Unit of energies, such as mJ."""
 
-    def complete_from(self, written: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
+    def complete_from(self, unit_counts: Mapping[tuple[Dimension, str], int]) -> DisplayUnits:
         """A copy in which missing units are those used most often in the scenario.
 
         Parameters
         ----------
-        written : how often each dimension is written in each unit.
+        unit_counts : how often each dimension is written in each unit.
         """
         counts: dict[str, dict[str, int]] = {name: {} for name in ("acceleration", "length", "angle", "time")}
-        for (of, unit), count in written.items():
+        for (of, unit), count in unit_counts.items():
             name = next((name for name in counts if DIMENSIONS[name].unit == of.unit), "")
             # metres are written for the size of a panel, but displacements need a prefix, and so do short times
             if name and unit != units.LENGTH.unit and (name != "time" or units.size_of(unit, units.TIME) >= 60.0):
                 counts[name][unit] = counts[name].get(unit, 0) + count
-        densities = [unit for of, unit in written if of.unit == units.ACCELERATION_PSD.unit]
+        densities = [unit for of, unit in unit_counts if of.unit == units.ACCELERATION_PSD.unit]
         if densities and not counts["acceleration"] and not any(map(units.is_in_gravities, densities)):
             counts["acceleration"] = {units.ACCELERATION.unit: 1}
         most = {  # of equally many g, in which tests are written next to a gravity in m/s^2, and then the smallest

@@ -605,15 +605,15 @@ def written_number(root: Any, path: Path, value: float, dimension: Dimension) ->
     return None
 
 
-def _numbers(written: Any) -> Iterator[Any]:
+def _numbers(data: Any) -> Iterator[Any]:
     """All numbers and texts in data, except those from Python arrays."""
-    if isinstance(written, dict):
-        written = list(written.values())
-    if isinstance(written, list):
-        for item in () if isinstance(written, WrittenList) and written.from_python_array else written:
+    if isinstance(data, dict):
+        data = list(data.values())
+    if isinstance(data, list):
+        for item in () if isinstance(data, WrittenList) and data.from_python_array else data:
             yield from _numbers(item)
     else:
-        yield written
+        yield data
 
 
 def _split(override: str) -> tuple[str, Any]:

@@ -340,14 +340,14 @@ def read_level(
     return number, dimension
 
 
-def number_and_unit(written: float | str) -> tuple[float, str]:
+def number_and_unit(quantity: float | str) -> tuple[float, str]:
     """The number and unit of a valid quantity as written; the unit is empty if there is none.
 
     >>> number_and_unit("2.7 g/cm^3"), number_and_unit(65)
     ((2.7, 'g/cm^3'), (65.0, ''))
     """
-    match = _NUMBER.fullmatch(written) if isinstance(written, str) else None
-    return (float(written), "") if match is None else (float(match[1]), match[2])
+    match = _NUMBER.fullmatch(quantity) if isinstance(quantity, str) else None
+    return (float(quantity), "") if match is None else (float(match[1]), match[2])
 
 
 def is_in_gravities(unit: str) -> bool:

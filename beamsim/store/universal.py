@@ -90,7 +90,7 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     if not records:
         return []
     number = first + len(nodes) + np.arange(stations.position.size)
-    for part in stations.parts:
+    for part in stations.bodies:
         number[part.stations] = own.get(part.body, number[part.stations])
     points = np.concatenate([np.array([*nodes.values()], dtype=float).reshape(-1, 3), placed])
     numbers = np.concatenate([first + np.arange(len(nodes)), number])
@@ -107,8 +107,8 @@ def bodies_without_places(result: Any) -> list[str]:
     """Names of the imported bodies of whose nodes some have no coordinates, so that other programs cannot draw them."""
     stations = _stations(result)
     placed = _placed(stations, _heights(stations))
-    lacking = [part.body for part in stations.parts if not np.all(np.isfinite(placed[part.stations]))]
-    return lacking if len(stations.parts) > 1 else list(result.scenario.all_bodies)[: len(lacking)]
+    lacking = [part.body for part in stations.bodies if not np.all(np.isfinite(placed[part.stations]))]
+    return lacking if len(stations.bodies) > 1 else list(result.scenario.all_bodies)[: len(lacking)]
 
 
 def _stations(result: Any) -> Stations:
@@ -118,19 +118,19 @@ def _stations(result: Any) -> Stations:
 
 def _heights(stations: Stations) -> dict[str, float]:
     """By body the z of its nodes, m; of imported bodies what is added to it."""
-    on_axes = [stations.position[part.stations] for part in stations.parts if part.axis.continuous]
+    on_axes = [stations.position[part.stations] for part in stations.bodies if part.axis.continuous]
     lengths = [np.ptp(x) for x in on_axes if x.size]
     if stations.points is not None:
         lengths += [np.ptp(of[np.isfinite(of)]) for of in stations.points.T if np.any(np.isfinite(of))]
     # 0.1: distance between bodies, of the longest
-    return {part.body: 0.1 * max(lengths, default=1.0) * k for k, part in enumerate(stations.parts)}
+    return {part.body: 0.1 * max(lengths, default=1.0) * k for k, part in enumerate(stations.bodies)}
 
 
 def _placed(stations: Stations, heights: dict[str, float]) -> Floats:
     """(nx, 3) coordinates of the stations of the modes, m; NaN for nodes of imported bodies that have none."""
     y = np.zeros(stations.position.size) if stations.across is None else np.nan_to_num(stations.across)
     placed = np.stack([stations.position, y, np.zeros(y.size)], axis=1)
-    for part in stations.parts:
+    for part in stations.bodies:
         if part.axis is NODES:
             placed[part.stations] = np.nan if stations.points is None else stations.points[part.stations]
         placed[part.stations, 2] += heights[part.body]
@@ -144,12 +144,12 @@ def _nodes(
 
     They are the position along the body, or the number of the mass, and y on a plate.
     """
-    several = len(stations.parts) > 1
+    several = len(stations.bodies) > 1
     imported = {
         part.body if several else "": dict(
             zip(stations.position[part.stations].astype(int).tolist(), coordinates[part.stations].tolist(), strict=True)
         )
-        for part in stations.parts
+        for part in stations.bodies
         if part.axis is NODES
     }
     located: list[tuple[str, Any, str]] = [("probe", p, scenario.default_body) for p in scenario.effective_probes]
@@ -173,7 +173,7 @@ def _nodes(
 def _own_numbers(stations: Stations) -> dict[str, Ints]:
     """By imported body the numbers of its nodes; raised by a power of ten where another has the same."""
     own: dict[str, Ints] = {}
-    for k, part in enumerate(part for part in stations.parts if part.axis is NODES):
+    for k, part in enumerate(part for part in stations.bodies if part.axis is NODES):
         numbers = stations.position[part.stations].astype(np.int64)
         if any(np.any(np.isin(numbers, other)) for other in own.values()):
             numbers = numbers + k * 10 ** len(str(int(max(np.max(stations.position), 1))))
@@ -184,9 +184,9 @@ def _own_numbers(stations: Stations) -> dict[str, Ints]:
 def _mode_shapes(result: Any, coordinates: Floats, number: Ints, source: Source) -> list[dict[str, Any]]:
     """The lines through the stations (nx,) of the modes, at places (nx, 3), and a record for each mode."""
     modes, stations = result["modes"], _stations(result)
-    several = len(stations.parts) > 1
+    several = len(stations.bodies) > 1
     lines = []
-    for k, part in enumerate(stations.parts, 1):
+    for k, part in enumerate(stations.bodies, 1):
         nodes = number[part.stations]
         # how elements connect the nodes of imported bodies is unknown: one line shows only which body they are on
         through = [nodes[[i]] for i in range(nodes.size)] if part.axis is NODES else []
@@ -194,8 +194,8 @@ def _mode_shapes(result: Any, coordinates: Floats, number: Ints, source: Source)
             through = _lines(nodes, *coordinates[part.stations, :2].T)
         if several or part.axis is not NODES:
             lines.append(trace_lines(k, part.body, through))
-    along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations.parts]
-    sizes = [part.stations.stop - part.stations.start for part in stations.parts]
+    along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations.bodies]
+    sizes = [part.stations.stop - part.stations.start for part in stations.bodies]
     direction = np.repeat(along, sizes).tolist()
     each = zip(*(modes[of].values for of in ("open_frequencies_hz", "damping_ratios", "shapes")), strict=True)
     records = [

@@ -73,7 +73,7 @@ def moment_rows(member: MemberBody, basis: ReducedBasis, x: Floats) -> Floats:
     """
     a = basis.vectors[:, : basis.modes] @ basis.acceleration_modes
     moment = _moments(member, x, basis.vectors, a, zip(basis.patterns, basis.pattern, strict=True))
-    moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending
+    moment[:, : basis.rigid_count] = 0.0  # rigid-body motion causes no bending
     if basis.modes == member.structure.size and basis.patterns:
         moment = moment + _static_correction(member, basis, x, moment)
     return moment
@@ -152,8 +152,10 @@ def _resolved_count(member: MemberBody, basis: ReducedBasis) -> int:
     most = basis.size - 1 if member.structure.most_modes is None else member.structure.most_modes
     model = member.body
     assert model.most_modes is not None
-    strain = (model.factor @ (member.expansion @ basis.vectors))[:, basis.rigid :] / basis.omega[basis.rigid :]
-    shares = np.cumsum(np.append(np.ones(basis.rigid), np.sum(strain**2, axis=0) * member.stiffness_ratio))
+    strain = (model.factor @ (member.expansion @ basis.vectors))[:, basis.rigid_count :] / basis.omega[
+        basis.rigid_count :
+    ]
+    shares = np.cumsum(np.append(np.ones(basis.rigid_count), np.sum(strain**2, axis=0) * member.stiffness_ratio))
     last = min(int(np.searchsorted(shares, 0.75 * model.most_modes + 0.25 * shares[-1] - 1e-6)), basis.size - 1)
     return min(most, int(np.searchsorted(basis.omega, basis.omega[last] * (1 - 1e-9))))
 
@@ -166,7 +168,7 @@ def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, momen
     whole = member.structure
     u, exact = _static_moments(member, x, basis.patterns)
     coordinates = basis.vectors.T @ (whole.mass @ u)
-    coordinates[: basis.rigid] = 0.0
+    coordinates[: basis.rigid_count] = 0.0
     missing = exact - moment @ coordinates
     resolved = _resolved_count(member, basis)
     # Component of a motion along the static deflections, by projection in the energy norm. With more loads than
@@ -174,7 +176,7 @@ def _static_correction(member: MemberBody, basis: ReducedBasis, x: Floats, momen
     strain = basis.omega[:, None] * coordinates
     size = np.linalg.norm(strain, axis=0)
     of_loads = np.linalg.norm([basis.vectors.T @ pattern.vector for pattern in basis.patterns], axis=1)
-    bending = np.flatnonzero(size > NEGLIGIBLE_DEFLECTION * of_loads / basis.omega[basis.rigid])
+    bending = np.flatnonzero(size > NEGLIGIBLE_DEFLECTION * of_loads / basis.omega[basis.rigid_count])
     unit, lacking = strain[:, bending] / size[bending], missing[:, bending] / size[bending]
     # A repeated load counts once: its motion and moments differ at most in sign.
     largest = np.max(np.abs(exact[:, bending] / size[bending]), initial=np.finfo(float).tiny)

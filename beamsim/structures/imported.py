@@ -312,13 +312,13 @@ def _null_motions(mass: Floats, table: DofTable) -> Floats:
     return np.linalg.qr(vectors[:, none] * inverse[:, None])[0]
 
 
-def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
+def condensation(stiffness: Any, basis_with_mass: Any, basis_without_mass: Any) -> Any:
     """(N, m) motion of all rows for a unit of each motion with mass; massless motions follow without force.
 
     Parameters
     ----------
     stiffness : (N, N) sparse.
-    massive, massless : (N, m) and (N, p) sparse bases of motions with and without mass.
+    basis_with_mass, basis_without_mass : (N, m) and (N, p) sparse bases of motions with and without mass.
 
     Returns
     -------
@@ -330,9 +330,9 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
     MethodError
         About ``mass``: the stiffness does not restrain the massless motions.
     """
-    inner = (massless.T @ stiffness @ massless).toarray()
+    inner = (basis_without_mass.T @ stiffness @ basis_without_mass).toarray()
     try:
-        follow = np.linalg.solve(inner, (massless.T @ stiffness @ massive).toarray())
+        follow = np.linalg.solve(inner, (basis_without_mass.T @ stiffness @ basis_with_mass).toarray())
         trusted = np.linalg.cond(inner / np.sqrt(np.outer(np.diag(inner), np.diag(inner)))) < 1e13
     except np.linalg.LinAlgError:
         trusted = False
@@ -341,7 +341,7 @@ def condensation(stiffness: Any, massive: Any, massless: Any) -> Any:
             "mass", "has degrees of freedom with neither mass nor stiffness",
             "constrain them in the model that writes the matrices (AUTOSPC), or leave their rows out",
         )  # fmt: skip
-    whole = massive - massless @ csc_array(follow)
+    whole = basis_with_mass - basis_without_mass @ csc_array(follow)
     whole.data[np.abs(whole.data) < 1e-16] = 0.0
     whole.eliminate_zeros()
     return whole.tocsc()

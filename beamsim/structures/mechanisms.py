@@ -90,7 +90,7 @@ def open_loops(scenario: Scenario, structure: Structure) -> Iterator[str]:
 
 def floating_motions(structure: Structure, basis: ReducedBasis) -> str:
     """Bodies that move without strain energy, and the place of their largest motion."""
-    field = basis.vectors[:, : basis.rigid]
+    field = basis.vectors[:, : basis.rigid_count]
     largest: dict[str, dict[str, None]] = {}
     for motion in field.T:
         for name in _bodies(structure, motion):
@@ -121,7 +121,7 @@ def check_mechanisms(
     ScenarioError
         If nothing stops a mechanism; the error names the joint and the bodies.
     """
-    rigid = basis.rigid
+    rigid = basis.rigid_count
     if not rigid or not structure.couplings:
         return []
     size = np.linalg.norm(stopping_rows, axis=1, keepdims=True)
@@ -144,9 +144,9 @@ def _mechanisms(
     joints: Sequence[str], structure: Structure, basis: ReducedBasis, motions: Floats
 ) -> Iterator[tuple[int, str, str]]:
     """Yield mechanisms in rigid motions (rigid, k): index of the joint, description, and what would prevent it."""
-    fields = basis.vectors[:, : basis.rigid] @ motions
+    fields = basis.vectors[:, : basis.rigid_count] @ motions
     for coupling in structure.couplings:
-        row = _opening(structure, basis, coupling)[: basis.rigid] @ motions
+        row = _opening(structure, basis, coupling)[: basis.rigid_count] @ motions
         largest = float(np.linalg.norm(row))
         if coupling.stiffness == 0.0 and coupling.name in joints and largest > NEGLIGIBLE_MOTION:
             turns = coupling.ends[0].direction == SLOPE

@@ -198,7 +198,7 @@ def _modes_of_substructures(model: Structure, count: int | None, up_to: float | 
     return Modes(together[order], np.hstack(vectors)[:, order])
 
 
-def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) -> tuple[Floats, Floats]:
+def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid_count: int) -> tuple[Floats, Floats]:
     """Natural frequencies and modes of a structure (K = diag(omega^2), M = I) with additional springs.
 
     Parameters
@@ -206,7 +206,7 @@ def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) ->
     omega : (n,) natural angular frequencies, the first `rigid` of them zero.
     shape : (m, n) deflection at each spring for a unit of each coordinate.
     stiffness : (m,) spring stiffnesses, not negative.
-    rigid : number of rigid-body coordinates; those without a spring keep a frequency of exactly zero.
+    rigid_count : number of rigid-body coordinates; those without a spring keep a frequency of exactly zero.
 
     Returns
     -------
@@ -219,13 +219,13 @@ def closed_modes(omega: Floats, shape: Floats, stiffness: Floats, rigid: int) ->
     x = np.vstack([np.diag(omega), shape * np.sqrt(stiffness)[:, None]])
     _, closed, modes = np.linalg.svd(x, full_matrices=False)
     closed, modes = closed[::-1].copy(), modes[::-1].T
-    if rigid:
-        closed[: rigid - _restrained_count(shape, rigid)] = 0.0
+    if rigid_count:
+        closed[: rigid_count - _restrained_count(shape, rigid_count)] = 0.0
     return closed, modes
 
 
-def _restrained_count(shape: Floats, rigid: int) -> int:
+def _restrained_count(shape: Floats, rigid_count: int) -> int:
     """Number of rigid-body coordinates (the first ones) that springs with shapes (m, n) restrain."""
     scale = np.linalg.norm(shape, axis=1, keepdims=True)
-    rows = shape[:, :rigid] / np.where(scale > 0, scale, 1.0)
+    rows = shape[:, :rigid_count] / np.where(scale > 0, scale, 1.0)
     return int(np.linalg.matrix_rank(rows, tol=1e-12 * np.sqrt(shape.shape[1])))

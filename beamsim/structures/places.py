@@ -280,7 +280,7 @@ AXES = {axis.long_name: axis for axis in (ALONG_BEAM, ON_PLATE, MASSES, NODES)}
 
 
 @dataclass(frozen=True)
-class StationPart:
+class BodyStations:
     """The stations of one body."""
 
     body: str
@@ -292,7 +292,7 @@ class StationPart:
 class Stations:
     """The stations of all bodies, in order."""
 
-    parts: tuple[StationPart, ...]  # the bodies
+    bodies: tuple[BodyStations, ...]  # the bodies
     position: Floats  # (nx,) on the axis of each body
     across: Floats | None = None  # (nx,) m, y on a plate, NaN on other bodies; None without plates
     points: Floats | None = None  # (nx, 3) m, of nodes of imported bodies, NaN if unknown; None without
@@ -305,7 +305,7 @@ class Stations:
         parts = zip(bodies, ends[:-1], ends[1:], strict=True)
         known = [start + each.lines for each, start in zip(bodies, ends, strict=False) if each.lines is not None]
         return cls(
-            tuple(StationPart(each.body, each.axis, slice(start, end)) for each, start, end in parts),
+            tuple(BodyStations(each.body, each.axis, slice(start, end)) for each, start, end in parts),
             np.concatenate([np.zeros(0), *(each.position for each in bodies)]),
             _join_values([each.across for each in bodies], bodies, ()),
             _join_values([each.points for each in bodies], bodies, (3,)),
@@ -321,18 +321,18 @@ class Stations:
         named = zip(bodies, modes["body_axis"].values if bodies else (), ends[:-1], ends[1:], strict=True)
         across, points, lines = (modes[of].values if of in modes else None for of in ("across", "points", "lines"))
         return cls(
-            tuple(StationPart(body, AXES[axis], slice(start, end)) for body, axis, start, end in named),
+            tuple(BodyStations(body, AXES[axis], slice(start, end)) for body, axis, start, end in named),
             modes["position"].values, across, points, lines,
         )  # fmt: skip
 
     def columns(self) -> dict[str, Any]:
         """Variables for the dataset of modes."""
-        sizes = [part.stations.stop - part.stations.start for part in self.parts]
+        sizes = [part.stations.stop - part.stations.start for part in self.bodies]
         columns: dict[str, Any] = {
-            "body": [part.body for part in self.parts],
-            "body_axis": [part.axis.long_name for part in self.parts],
+            "body": [part.body for part in self.bodies],
+            "body_axis": [part.axis.long_name for part in self.bodies],
             "station": 1 + np.arange(self.position.size),
-            "station_body": np.repeat(np.arange(len(self.parts)), sizes),
+            "station_body": np.repeat(np.arange(len(self.bodies)), sizes),
             "position": self.position,
             "across": self.across,
         }
@@ -345,7 +345,7 @@ class Stations:
     @property
     def position_words(self) -> dict[str, str]:
         """Unit and meaning of the positions of all bodies."""
-        axes = {part.axis for part in self.parts} or {ALONG_BEAM}
+        axes = {part.axis for part in self.bodies} or {ALONG_BEAM}
         if len(axes) > 1:
             return {"position_unit": "1", "position": "position on the axis of each body"}
         (axis,) = axes
@@ -353,13 +353,13 @@ class Stations:
 
     def name(self, station: int) -> str:
         """Text for messages: 135 mm, (135, 60) mm, mass 2; with several bodies inner 135 mm."""
-        part = next(part for part in self.parts if part.stations.start <= station < part.stations.stop)
+        part = next(part for part in self.bodies if part.stations.start <= station < part.stations.stop)
         x, y = self.position[station], np.nan if self.across is None else self.across[station]
         if np.isfinite(y):
             name = f"({1e3 * x:.3g}, {1e3 * y:.3g}) mm"
         else:
             name = f"{1e3 * x:.3g} mm" if part.axis.continuous else f"{part.axis.label.lower()} {x:g}"
-        return f"{part.body} {name}" if len(self.parts) > 1 else name
+        return f"{part.body} {name}" if len(self.bodies) > 1 else name
 
 
 def _join_values(values: Sequence[Floats | None], bodies: Sequence[Recovery], shape: tuple[int, ...]) -> Floats | None:

@@ -127,7 +127,7 @@ class PlateStructure(MeshedBody):
             return np.asarray(operator @ (self.all_dofs_map @ (member.expansion @ vectors)))
 
         moment = moments(basis.vectors) + operator @ _motion_of_supports(self, basis)
-        moment[:, : basis.rigid] = 0.0  # rigid-body motion causes no bending
+        moment[:, : basis.rigid_count] = 0.0  # rigid-body motion causes no bending
         remainder = np.zeros(moment.shape[0])
         if base is not None:
             inertia = whole.base_load(base)[0]

@@ -179,7 +179,9 @@ def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis
     """Combine the bases of substructures: rigid-body modes, modes, static vectors, each by frequency."""
     scale = [part.structure.frequency_scale / model.frequency_scale for part in model.substructures]
     omega = np.concatenate([basis.omega * s for basis, s in zip(bases, scale, strict=True)])
-    rank = np.concatenate([np.repeat([0, 1, 2], [b.rigid, b.modes - b.rigid, b.size - b.modes]) for b in bases])
+    rank = np.concatenate(
+        [np.repeat([0, 1, 2], [b.rigid_count, b.modes - b.rigid_count, b.size - b.modes]) for b in bases]
+    )
     order = np.lexsort((omega, rank))  # stable: equal bodies keep their order
     place = np.empty(order.size, dtype=np.int64)
     place[order] = np.arange(order.size)
@@ -194,7 +196,7 @@ def _direct_sum(model: Structure, bases: Sequence[ReducedBasis]) -> ReducedBasis
     return ReducedBasis(
         omega=omega[order],
         vectors=vectors,
-        rigid=sum(basis.rigid for basis in bases),
+        rigid_count=sum(basis.rigid_count for basis in bases),
         modes=modes,
         patterns=(),
         pattern=np.zeros((0, omega.size)),

@@ -87,7 +87,7 @@ class ReducedBasis:
 
     omega: Floats  # (n,) scaled angular frequencies; exact zeros for rigid-body modes
     vectors: Floats  # (N, n) orthonormal in the scaled mass matrix
-    rigid: int
+    rigid_count: int
     modes: int  # number of kept modes, including rigid-body modes; the other columns are static vectors
     patterns: tuple[LoadPattern, ...]
     pattern: Floats  # (patterns, n): p
@@ -117,7 +117,7 @@ class ReducedBasis:
         (m,) array
             Scaled.
         """
-        flexible = slice(self.rigid, None)
+        flexible = slice(self.rigid_count, None)
         coordinates = self.vectors[:, flexible].T @ load / self.omega[flexible] ** 2
         return np.asarray(exact - rows[:, flexible] @ coordinates)
 

@@ -367,7 +367,7 @@ def _statics(
     resting = np.array([law.resting_force for law in contacts.laws])  # in addition to the static springs
     loads = np.vstack([loads, (contacts.sign * resting) @ contacts.shape])
     if any(located.item.preload is not None for located in snubbers):
-        contacts = resolve_preloads(contacts, snubbers, model.stiffness, model.basis.rigid, loads, cubic)
+        contacts = resolve_preloads(contacts, snubbers, model.stiffness, model.basis.rigid_count, loads, cubic)
     equilibrium = _equilibrium(model, contacts, loads, cubic)
     first, mounted = equilibrium, _with_initial_branches(contacts)
     if mounted is not contacts:
@@ -400,7 +400,7 @@ def _build_static_loads(model: ReducedModel) -> _StaticLoads:
     tables = force_tables(model.scenario) if model.scenario.has_force_tables else {}
     curves = [tables[at].curve if (at := path_text(each.path)) in tables else None for each in snubbers]
     of_stops = model.shapes(model.snubber_sites), model.base_participations(model.snubber_sites)
-    stops = build_contacts(snubbers, curves, *of_stops, model.omega, basis.rigid)
+    stops = build_contacts(snubbers, curves, *of_stops, model.omega, basis.rigid_count)
     if not nonlinear:
         return _StaticLoads(tables, stops, (), None, stops, np.arange(stops.count), model.snubber_sites)
     return _build_static_loads_with_springs(model, tables, stops)
@@ -510,7 +510,7 @@ def _describe_probes(model: ReducedModel) -> tuple[ProbeRow, ...]:
 def _equilibrium(model: ReducedModel, contacts: Contacts, loads: Floats, cubic: CubicSprings | None) -> Equilibrium:
     """The static equilibrium; an error is raised only if the motion starts from it."""
     springs = springs_of(contacts)
-    if not (model.basis.rigid or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
+    if not (model.basis.rigid_count or loads.any() or np.any(springs.gap < 0.0) or np.any(springs.stiffness < 0.0)):
         return Equilibrium(np.zeros(model.basis.size), np.zeros(contacts.count))  # the structure is undeformed
     return _compute_equilibrium(model, contacts, springs, loads, cubic)
 
@@ -520,7 +520,7 @@ def _compute_equilibrium(
 ) -> Equilibrium:
     """Compute the static equilibrium; see `_equilibrium`."""
     try:
-        found = find_equilibrium(model.stiffness, model.basis.rigid, springs, loads, cubic)
+        found = find_equilibrium(model.stiffness, model.basis.rigid_count, springs, loads, cubic)
         return replace(found, force=springs.contact_forces(found.force, contacts.sign))
     except NotTrustedError as error:
         if model.scenario.run is not None and model.scenario.run.start == "static_equilibrium":
@@ -636,7 +636,9 @@ def _release_shape(
 ) -> Floats:
     """(n,) static equilibrium under the constant loads (L, n) and the force that is then released."""
     extra = (start.released_force.force * model.shape(start.released_force))[None, :]
-    held = find_equilibrium(model.stiffness, model.basis.rigid, springs_of(contacts), np.vstack([loads, extra]), cubic)
+    held = find_equilibrium(
+        model.stiffness, model.basis.rigid_count, springs_of(contacts), np.vstack([loads, extra]), cubic
+    )
     remedy = "let it push towards a snubber, or support the structure"
     return _static_shape(model, held, "run.start.released_force", "holds no static shape", remedy)
 
@@ -644,7 +646,7 @@ def _release_shape(
 def _static_shape(model: ReducedModel, equilibrium: Equilibrium, path: str, problem: str, remedy: str) -> Floats:
     """(n,) coordinates of an equilibrium; ScenarioError with the reason, and the floating bodies, if there is none."""
     if equilibrium.q is None:
-        floats = f" ({floating_motions(model.structure, model.basis)})" if model.basis.rigid else ""
+        floats = f" ({floating_motions(model.structure, model.basis)})" if model.basis.rigid_count else ""
         raise ScenarioError(Problem(path, f"{problem}: {equilibrium.reason}{floats}", remedy))
     return equilibrium.q
 

@@ -262,12 +262,12 @@ class StateEquations:
         applied = e.free @ z - e.penetrations.T @ (self._own_force @ z)
         return np.concatenate([z[e.velocities], self._without_balanced(applied), self.internal_rates @ z])
 
-    def _add_pressing(self, drive: Floats) -> None:
-        """Add normal forces and their rates to the rows of the laws; ``drive`` (m, R, C): factors of internal rates."""
+    def _add_pressing(self, rate_factors: Floats) -> None:
+        """Add normal forces and their rates to the laws; ``rate_factors`` (m, R, C): factors of internal rates."""
         c, law = self.equations.contacts, self.law
         i, factors = c.pressing_contacts, self.factors[c.pressing_contacts]
         law[c.pressed_contacts, NORMAL_FORCE] = _products(factors, law[i])
-        of_states = (factors[:, INTERNAL:, None] * (drive[i] @ law[i])).sum(axis=1)
+        of_states = (factors[:, INTERNAL:, None] * (rate_factors[i] @ law[i])).sum(axis=1)
         law[c.pressed_contacts, NORMAL_FORCE_RATE] = factors[:, :1] * law[i, RATE] + of_states
 
     def _accelerations_with_reactions(self, sticking_contacts: Ints, applied_forces: Floats) -> Floats:

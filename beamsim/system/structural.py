@@ -267,7 +267,7 @@ class StructuralSystem:
         """(n,) natural frequencies with every snubber closed."""
         phases = np.array([law.closed_phase for law in self.stops.laws], dtype=np.int64)
         stopped = replace(self.as_built, contacts=self.stops)
-        return undamped_modes(stopped, phases, self.model.basis.rigid)[0] / (2 * np.pi)
+        return undamped_modes(stopped, phases, self.model.basis.rigid_count)[0] / (2 * np.pi)
 
     @cached_property
     def jumping_forces(self) -> tuple[JumpingForce, ...]:
@@ -433,14 +433,14 @@ def modes_of(
     bound = receptance_bound(structure, basis, model.damping, _loads(model), structure.rows(model.probe_sites), omega)
     # the motion needs the arrays of all contacts too
     stopped = dynamics if contacts.count == stops.count else replace(dynamics, contacts=stops)
-    opened = damped_modes(stopped, stops.start, basis.rigid)[1]
+    opened = damped_modes(stopped, stops.start, basis.rigid_count)[1]
     of_stops = np.array([law.closed_phase for law in stops.laws], dtype=np.int64)
-    closed, of_closed = damped_modes(stopped, of_stops, basis.rigid)
+    closed, of_closed = damped_modes(stopped, of_stops, basis.rigid_count)
     resting, of_resting = None, None
     if equilibrium is not None and not contacts.jointly_acting:
         phases = contacts.resting_phases(-contacts.gap - contacts.sign * (contacts.shape @ equilibrium))
         if np.all(contacts.dynamic_stiffness(phases, np.full(1, RELAXED_FREQUENCY)).real >= 0.0):
-            resting, of_resting = damped_modes(dynamics, phases, basis.rigid)
+            resting, of_resting = damped_modes(dynamics, phases, basis.rigid_count)
     values: dict[str, Any] = {
         "mode": 1 + np.arange(basis.size),
         "open_frequencies_hz": model.omega / (2 * np.pi),
@@ -612,17 +612,17 @@ def _damped_otherwise(frequency_hz: float, ratio: float, other_ratios: Mapping[s
     )
 
 
-def undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats, Floats]:
+def undamped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid_count: int) -> tuple[Floats, Floats, Floats]:
     """Undamped natural frequencies (n,), rad/s, and modes (n, n), with contacts in given phases.
 
     The third array is the stiffness (m,) of the contacts, N/m, with relaxed Maxwell branches.
 
     Parameters
     ----------
-    dynamics, phases, rigid : as for `damped_modes`.
+    dynamics, phases, rigid_count : as for `damped_modes`.
     """
     slow = np.asarray(dynamics.contacts.dynamic_stiffness(phases, np.full(1, RELAXED_FREQUENCY))[0].real)
-    return *closed_modes(np.sqrt(dynamics.stiffness), dynamics.contacts.shape, slow, rigid), slow
+    return *closed_modes(np.sqrt(dynamics.stiffness), dynamics.contacts.shape, slow, rigid_count), slow
 
 
 def _one_for_each(share: Floats) -> tuple[Ints, Ints]:
@@ -633,14 +633,14 @@ def _one_for_each(share: Floats) -> tuple[Ints, Ints]:
     return modes, of
 
 
-def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> tuple[Floats, Floats]:
+def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid_count: int) -> tuple[Floats, Floats]:
     """Natural frequencies and damping ratios, with contacts in given phases.
 
     Parameters
     ----------
     dynamics : the structure and its contacts, without rigid sticking or normal contacts.
     phases : (m,) phases of the contacts.
-    rigid : number of rigid-body coordinates.
+    rigid_count : number of rigid-body coordinates.
 
     Returns
     -------
@@ -649,7 +649,7 @@ def damped_modes(dynamics: PiecewiseLinearSystem, phases: Ints, rigid: int) -> t
         ratio of its own coordinate alone, which is 1 or more for a single mass.
     """
     contacts, n = dynamics.contacts, dynamics.size
-    omega, shapes, slow = undamped_modes(dynamics, phases, rigid)
+    omega, shapes, slow = undamped_modes(dynamics, phases, rigid_count)
     equations = StateEquations(Equations(dynamics), phases)
     force, by_states = equations.factors, equations.internal_factors
     depth = -contacts.sign[:, None] * (contacts.shape @ shapes)

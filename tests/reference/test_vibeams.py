@@ -19,7 +19,7 @@ COMPUTED = {"left": [30.9444, 202.07, 560.66, 1090.50], "right": [28.401, 208.87
 def frequencies(system):
     """Natural frequencies of each of the two structures without contact, Hz."""
     modes = system.modes
-    left = next(part.stations for part in system.stations.parts if part.body == "left")
+    left = next(part.stations for part in system.stations.bodies if part.body == "left")
     on_left = np.abs(modes["shapes"].values[:, left]).max(axis=1)
     is_left = on_left > 1e-6 * np.abs(modes["shapes"].values).max(axis=1)
     return {

@@ -55,7 +55,7 @@ def test_instant_of_the_largest_contact_force(result, tmp_path):
     force, shape, at = contact["force"].item(), contact["deflection"].values, stops_of(result)[name]
     assert force == peaks[name] == max(peaks.values())
     stations = Stations.of_modes(result["modes"])
-    place = next(part for part in stations.parts if part.body == "tip").stations
+    place = next(part for part in stations.bodies if part.body == "tip").stations
     end = shape[place][stations.position[place].argmax()]
     penetration = {"below": -at.gap - end, "above": end - at.gap}[at.side]
     assert at.stiffness * penetration == pytest.approx(force, rel=1e-6)
@@ -77,7 +77,7 @@ def test_sketch_puts_bodies_joints_and_stops_in_place(result):
     assert line(ax, "mass")[0, 0] == pytest.approx(0.1)
     # stops have the scale of the deflection, and their side
     shape, stations = result["contact"]["deflection"].values, Stations.of_modes(result["modes"])
-    place = next(part for part in stations.parts if part.body == "tip").stations
+    place = next(part for part in stations.bodies if part.body == "tip").stations
     factor = tip[-1, 1] / shape[place][-1]
     faces = sorted(
         each.get_xydata()[0, 1] for each in ax.lines

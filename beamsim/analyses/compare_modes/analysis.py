@@ -193,7 +193,7 @@ def _computed_modes(scenario: Scenario, measured: ShapesAtPlaces, *, closed: boo
     if closed:
         contacts, count = build_system(scenario).dynamics.contacts, len(model.snubber_sites)
         omega, modes = closed_modes(
-            model.omega, contacts.shape[:count], contacts.quasi_static[0][:count], model.basis.rigid
+            model.omega, contacts.shape[:count], contacts.quasi_static[0][:count], model.basis.rigid_count
         )
         shapes = shapes @ modes
     frequencies = omega / (2 * np.pi)

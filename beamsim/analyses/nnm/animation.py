@@ -34,7 +34,7 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: Dataset
         return np.array([np.interp(times, time, column) for column in values.T]).T
 
     lines, columns = [], []
-    for part in stations.parts:
+    for part in stations.bodies:
         numbers = np.arange(part.stations.start, part.stations.stop)
         across = None if part.axis is not ON_PLATE or stations.across is None else stations.across[part.stations]
         rows = [numbers[across == y] for y in np.unique(across)] if across is not None else [numbers]
@@ -59,7 +59,7 @@ def _opening(stop: SnubberNumbers, ends: Floats) -> Floats:
 
 
 def _nearest(stations: Stations, place: Place) -> int:
-    parts = stations.parts
+    parts = stations.bodies
     part = next((each for each in parts if each.body == place.body), parts[0])
     distance = np.abs(stations.position[part.stations] - place.coordinate)
     if place.across is not None and stations.across is not None:

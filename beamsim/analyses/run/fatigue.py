@@ -50,8 +50,8 @@ class PlateStress(ChunkObserver):
         plates = {body.body for body in system.bodies if body.moments == len(COMPONENTS)}
         self._parts = dict[str, slice]()
         if stress is not None:
-            alone = len(stress.stations.parts) == 1
-            named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations.parts}
+            alone = len(stress.stations.bodies) == 1
+            named = {stress.bodies[0] if alone else part.body: part.stations for part in stress.stations.bodies}
             self._parts = {name: stations for name, stations in named.items() if name in plates}
         self._squares = {
             name: np.zeros((part.stop - part.start) // len(COMPONENTS)) for name, part in self._parts.items()
