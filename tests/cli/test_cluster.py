@@ -107,12 +107,19 @@ def test_a_worker_that_comes_late_is_used(scheduler, tmp_path):
 @pytest.mark.parametrize(
     ("preload", "theirs"),
     [
-        ("import beamsim.version; beamsim.version.__version__ = '0.0.1'", f"beamsim 0.0.1 with {HERE}"),
-        ("import platform; platform.python_version = lambda: '3.99.1'", f"beamsim {__version__} with Python 3.99"),
+        (
+            "import beamsim.version; beamsim.version.__version__ = '0.0.1'\n"
+            "import platform; platform.python_version = lambda: '3.99.1'",
+            "beamsim 0.0.1 with Python 3.99",
+        ),
         ("import sys; sys.modules['beamsim'] = None", f"with {HERE}, this command"),
-        ("import beamsim.version; beamsim.version.code_digest = lambda: 'abc'", f"with {HERE}, code abc, this command"),
-        ("import importlib.metadata as m; m.version = lambda name: '1.99'", f"with {HERE}, numpy 1.99, scipy 1.99"),
+        (
+            "import beamsim.version; beamsim.version.code_digest = lambda: 'abc'\n"
+            "import importlib.metadata as m; m.version = lambda name: '1.99'",
+            f"with {HERE}, numpy 1.99, scipy 1.99, numba 1.99, code abc, this command",
+        ),
     ],
+    ids=["beamsim and Python", "no beamsim", "packages and code"],
 )
 def test_a_worker_of_another_version_is_refused(scheduler, tmp_path, preload, theirs):
     (tmp_path / "preload.py").write_text(preload)

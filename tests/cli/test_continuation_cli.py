@@ -175,6 +175,7 @@ def test_a_study_of_continuations(tmp_path):
     case = tmp_path / "study.yaml"
     case.write_text(
         f"extends: {CHAIN}\nlimits: {{peak_force: 1 N}}\n"
+        "sweep: {longest_period: 1}\n"
         "vary: {kind: grid, parameters: [{path: chain.snubbers.stop.gap, values: [1, 2]}]}\n"
     )
     done = sweep(case, "-o", tmp_path, "--workers", 1, "--no-plots", "--json")
@@ -183,7 +184,7 @@ def test_a_study_of_continuations(tmp_path):
 
     stored = load(tmp_path / "study.h5")
     peak = stored.responses["stable_0/probes/first/peak_displacement"].values
-    single = continuation(load_scenario(CHAIN))
+    single = continuation(load_scenario(CHAIN, ["sweep.longest_period=1"]))
     assert peak[0] == max(float(peaks_of(b, "first")[b["stable"].values].max()) for b in single.branches)
     assert peak[1] > peak[0]
     assert set(stored.limits) == {"peak_force"}

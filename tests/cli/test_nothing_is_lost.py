@@ -270,20 +270,20 @@ def test_a_scheduler_that_cannot_be_reached_touches_nothing(here, monkeypatch):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of file size are POSIX")
-@pytest.mark.parametrize("room", [100, 3000, 6000])
+@pytest.mark.parametrize("room", [100, 3000])
 def test_a_full_disk_under_a_journal(room, here):
     """No file may become larger than so many bytes; the journal of all cases would."""
     import resource
 
     before = complete_result(STUDY.replace("points: 6", "points: 40"))
 
-    def sweep(*words, **how):
-        command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", *OPTIONS, *words]
-        environment = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE_")}
-        environment |= {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-        return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, **how)
-
-    done = sweep(preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)))
+    command = [sys.executable, "-m", "beamsim", "sweep", "case.yaml", *OPTIONS]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE_")}
+    environment |= {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=environment,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),
+    )  # fmt: skip
     assert done.returncode == 5, done.stderr
     last = done.stderr.splitlines()[-1]
     assert last.startswith("beamsim: cannot write case.h5.partial: File too large; the ")
@@ -293,8 +293,8 @@ def test_a_full_disk_under_a_journal(room, here):
         line for line in Path("case.h5.partial").read_bytes().splitlines(keepends=True)[1:] if line.endswith(b"\n")
     ]
     assert f"the {len(whole)} case" in last
-    again = sweep("--resume")
-    assert again.returncode == 0, again.stderr
+    again = invoke("sweep", "case.yaml", *OPTIONS, "--resume")
+    assert again.exit_code == 0, again.output
     assert (f"{len(whole)} of 40 cases are already computed" in again.stderr) == bool(whole)
     result = beamsim.load("case.h5")
     assert result.complete
