@@ -42,7 +42,7 @@ class Contact:
 
     positive: Complexes  # (Hout + 1,) one-sided harmonics of delta_+
     chi: Complexes  # (Hout + H + 1,) two-sided coefficients 0, 1, … of the indicator of delta > 0
-    closed: Floats  # (c, 2) intervals in which delta > 0, radians; the end may exceed 2 pi
+    closed_intervals: Floats  # (c, 2) intervals in which delta > 0, radians; the end may exceed 2 pi
 
 
 def _value(D: Complexes, tau: Floats) -> tuple[Floats, Floats]:
@@ -59,20 +59,20 @@ def _samples(D: Complexes, count: int) -> Floats:
     return np.asarray(np.fft.irfft(two_sided, count))
 
 
-def _polish(D: Complexes, low: Floats, high: Floats, f_low: Floats, f_high: Floats) -> Floats:
+def _polish(D: Complexes, left: Floats, right: Floats, f_low: Floats, f_high: Floats) -> Floats:
     """Zeros of a polynomial in brackets, given its values there: Newton's method from the secant, kept inside by
     bisection."""
-    low, high = low.copy(), high.copy()
-    x = low + (high - low) * np.clip(f_low / (f_low - f_high), 0.01, 0.99)
+    left, right = left.copy(), right.copy()
+    x = left + (right - left) * np.clip(f_low / (f_low - f_high), 0.01, 0.99)
     floor = 4e-16 * float(np.abs(D).sum())
     for _ in range(60):
         f, slope = _value(D, x)
         below = f * f_low > 0
-        low, high = np.where(below, x, low), np.where(below, high, x)
+        left, right = np.where(below, x, left), np.where(below, right, x)
         with np.errstate(divide="ignore", invalid="ignore"):
             new = x - f / slope
-        bad = ~((new > low) & (new < high))
-        new = np.where(np.abs(f) <= floor, x, np.where(bad, 0.5 * (low + high), new))
+        bad = ~((new > left) & (new < right))
+        new = np.where(np.abs(f) <= floor, x, np.where(bad, 0.5 * (left + right), new))
         if np.all(np.abs(new - x) <= 1e-15 * (1.0 + np.abs(x))):
             return new
         x = new
@@ -122,12 +122,12 @@ def close_intervals(D: Complexes) -> Floats:
     return np.asarray(zeros.reshape(-1, 2))
 
 
-def indicator(closed: Floats, highest: int) -> Complexes:
+def indicator(intervals: Floats, highest: int) -> Complexes:
     """(highest + 1,) two-sided Fourier coefficients of the indicator of some intervals of angle."""
     k = np.arange(1, highest + 1)
     out = np.zeros(highest + 1, dtype=complex)
-    out[0] = float(np.sum(closed[:, 1] - closed[:, 0])) / (2 * np.pi)
-    for a, b in closed:
+    out[0] = float(np.sum(intervals[:, 1] - intervals[:, 0])) / (2 * np.pi)
+    for a, b in intervals:
         # by sin(k (b - a) / 2) to keep short intervals precise
         out[1:] += np.sin(0.5 * k * (b - a)) * np.exp(-0.5j * k * (a + b)) / (np.pi * k)
     return out

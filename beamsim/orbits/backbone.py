@@ -74,11 +74,11 @@ class Backbone:
     outcome: Outcome = NOT_BEGUN
     tongues: list[OrbitBranch] = field(default_factory=list)
     jumps: list[Jump] = field(default_factory=list)
-    _clear: list[BranchPoint] = field(default_factory=list, repr=False)
-    _least: float = LEAST_SHARE
-    _drifting: bool = False  # whether the mode lost its dominance by continuity, outside every tongue
+    _points_outside_tongues: list[BranchPoint] = field(default_factory=list, repr=False)
+    _smallest_share: float = LEAST_SHARE
+    _lost_dominance: bool = False  # whether the mode lost its dominance by continuity, outside every tongue
     _resonance_at_end: Outcome | None = None
-    _recent: list[BranchPoint] = field(default_factory=list, repr=False)  # since the last jump
+    _since_jump: list[BranchPoint] = field(default_factory=list, repr=False)  # since the last jump
 
     def __post_init__(self) -> None:
         low, high = sorted((self.start.parameter, self.end))
@@ -90,9 +90,9 @@ class Backbone:
         return float(self.orbits.share_at(point)[self.mode])
 
     def __iter__(self) -> Iterator[BranchPoint]:
-        self.outcome, self._resonance_at_end, self._drifting = INTERRUPTED, None, False
+        self.outcome, self._resonance_at_end, self._lost_dominance = INTERRUPTED, None, False
         a = self.start.orient(self._forward)
-        self._clear, step, count = [a], self._step(a), 1
+        self._points_outside_tongues, step, count = [a], self._step(a), 1
         yield a
         while (self.end - a.parameter) * self._forward > 1e-12 * self._step(a):
             full = self._step(a)
@@ -114,31 +114,31 @@ class Backbone:
                 self.outcome = too_many_points(count, a.parameter)
                 return
             step = min(full, 1.6 * step)
-            self._recent = [*self._recent[-3:], *ahead][-4:]
-            if self._drifting or self.share(a) > 0.5 * (1.0 + LEAST_SHARE):
-                self._clear.append(a)
+            self._since_jump = [*self._since_jump[-3:], *ahead][-4:]
+            if self._lost_dominance or self.share(a) > 0.5 * (1.0 + LEAST_SHARE):
+                self._points_outside_tongues.append(a)
         parts = [self._share_note(a)] if self.share(a) < LEAST_SHARE else []
         if self._resonance_at_end is not None:
             parts.append(self._resonance_at_end)
         self.outcome = reached_end(self.end).copy_with(*parts)
 
-    def _ahead(self, a: BranchPoint, step: float, full: float) -> list[BranchPoint]:
+    def _ahead(self, a: BranchPoint, step: float, full_step: float) -> list[BranchPoint]:
         """The next points of the backbone; none where it ends.
 
         In turn: by a step in the parameter, along the branch, beyond the resonance that cuts the backbone, along the
         branch even where that is a tongue.
         """
         # where the mode holds less outside tongues, 0.7 of that
-        self._least = min(LEAST_SHARE, 0.7 * self.share(self._clear[-1]))
+        self._smallest_share = min(LEAST_SHARE, 0.7 * self.share(self._points_outside_tongues[-1]))
         if self._resonance_at_end is not None:
-            return self._continue_branch(a, full, gradual=False)
+            return self._continue_branch(a, full_step, stop_at_tongue=False)
         b = self._motion_after_step(a, step)
-        ahead = [b] if b is not None else self._continue_branch(a, full, gradual=True)
+        ahead = [b] if b is not None else self._continue_branch(a, full_step, stop_at_tongue=True)
         if ahead:
             for before, point in pairwise([a, *ahead]):
                 self._trace_tongues(before, point)
             return ahead
-        b = self._restart_beyond(a, full)
+        b = self._restart_beyond(a, full_step)
         if b is not None and (b.parameter - self.end) * self._forward <= 0:
             return [b]
         if b is not None:  # the path ends within the resonance: its tongue is followed up to there
@@ -148,7 +148,7 @@ class Backbone:
                 at=Where(((a.parameter, b.parameter),)),
             )  # fmt: skip
             self.jumps = [jump for jump in self.jumps if jump.end != b.parameter]
-        return self._continue_branch(a, full, gradual=False)
+        return self._continue_branch(a, full_step, stop_at_tongue=False)
 
     def _motion_after_step(self, a: BranchPoint, step: float) -> BranchPoint | None:
         """The motion after a step in the parameter, or the neighbouring one that the mode dominates more."""
@@ -167,10 +167,10 @@ class Backbone:
         self._cut(a, dominated)
         return dominated
 
-    def _fill_in(self, a: BranchPoint, ahead: list[BranchPoint]) -> Iterator[BranchPoint]:
+    def _fill_in(self, a: BranchPoint, points: list[BranchPoint]) -> Iterator[BranchPoint]:
         """The points after a; where few steps would make the curve coarse, others between those that no jump parts."""
         jumped = {jump.start for jump in self.jumps}
-        for before, point in pairwise([a, *ahead]):
+        for before, point in pairwise([a, *points]):
             if before.parameter not in jumped:
                 step = abs(point.parameter - before.parameter)
                 pieces = round(step * self.points / abs(self.end - self.start.parameter))
@@ -201,11 +201,12 @@ class Backbone:
             mode=mode, share=share, other=other, other_share=other_share,
         )  # fmt: skip
 
-    def _continue_branch(self, a: BranchPoint, full: float, *, gradual: bool) -> list[BranchPoint]:
+    def _continue_branch(self, a: BranchPoint, full_step: float, *, stop_at_tongue: bool) -> list[BranchPoint]:
         """Points of the branch from a to about a step further, by arclength.
 
-        They end where the parameter turns back. With ``gradual`` they also end where the mode has less than `CLEAR` of
-        the energy and loses it quickly, to a tongue.
+        They end where the parameter turns back; with ``stop_at_tongue`` also where the mode has less than `CLEAR` of
+        the
+        energy and loses it quickly to a tongue.
         """
         low, high = sorted((a.parameter, self.end))
         points: list[BranchPoint] = []
@@ -214,12 +215,12 @@ class Backbone:
                 continue
             along, lost = float(point.tangent[-1]) * self._forward, self.share(a) - self.share(point)
             slowly = along >= FORWARD and lost <= GRADUAL * abs(point.parameter - a.parameter)
-            if along <= 0 or (gradual and self.share(point) <= CLEAR and not slowly):
+            if along <= 0 or (stop_at_tongue and self.share(point) <= CLEAR and not slowly):
                 break
             points.append(point)
-            if abs(point.parameter - a.parameter) >= full:
+            if abs(point.parameter - a.parameter) >= full_step:
                 break
-        self._drifting = self._drifting or (bool(points) and self.share(points[-1]) <= CLEAR)
+        self._lost_dominance = self._lost_dominance or (bool(points) and self.share(points[-1]) <= CLEAR)
         return points
 
     def _motion_at(self, a: BranchPoint, value: float) -> BranchPoint | None:
@@ -249,28 +250,32 @@ class Backbone:
         forward = abs(t[-1]) > FORWARD * float(np.linalg.norm(t[-2:])) and float(np.abs(t[:-2]).max()) < 0.3
         if forward or abs(t[-1]) > FORWARD:
             yield a.u + (value - a.parameter) / (t[-1] * a.scale[-1]) * t * a.scale
-        clean = self._clear[-1]
-        before = [p for p in self._clear if abs(p.parameter - clean.parameter) > 1e-12]
+        clean = self._points_outside_tongues[-1]
+        before = [p for p in self._points_outside_tongues if abs(p.parameter - clean.parameter) > 1e-12]
         if before:
             p = before[-1]
             yield clean.u + (value - clean.parameter) / (clean.parameter - p.parameter) * (clean.u - p.u)
         yield next(self._guesses(value))
 
-    def _solve(self, guesses: Iterable[Floats], value: float, furthest: float) -> Iterator[BranchPoint]:
+    def _solve(self, guesses: Iterable[Floats], value: float, largest_distance: float) -> Iterator[BranchPoint]:
         """Motions at a parameter, dominated by the mode, that guesses lead to."""
-        settings = self.settings if furthest <= FURTHEST else replace(self.settings, iterations=12)
+        settings = self.settings if largest_distance <= FURTHEST else replace(self.settings, iterations=12)
         for guess in guesses:
             if not self.orbits.split(np.append(guess[:-1], value))[1] > 0:  # a period extrapolated too far
                 continue
-            point = solve_at(self.orbits, guess, settings, value, self._forward, furthest)
-            if point is not None and self.share(point) > self._least and self.orbits.swings_once(point, self.mode):
+            point = solve_at(self.orbits, guess, settings, value, self._forward, largest_distance)
+            if (
+                point is not None
+                and self.share(point) > self._smallest_share
+                and self.orbits.swings_once(point, self.mode)
+            ):
                 yield point
 
     def _guesses(self, value: float) -> Iterator[Floats]:
         """First guesses beyond a tongue: the last clear motion, and the linear mode alone, at periods extrapolated."""
-        clean = self._clear[-1]
+        clean = self._points_outside_tongues[-1]
         periods = [float(clean.u[-2])]
-        history = [(p.parameter, np.log(p.u[-2])) for p in self._clear[-6:]]
+        history = [(p.parameter, np.log(p.u[-2])) for p in self._points_outside_tongues[-6:]]
         if len(history) >= 3:
             x, y = np.array(history).T
             slope = np.polyfit(x - x[-1], y, 1)
@@ -289,15 +294,15 @@ class Backbone:
             yield self.orbits.unknowns(pure, period, value)
             yield self.orbits.unknowns(still + away, period, value)
 
-    def _restart_beyond(self, a: BranchPoint, full: float) -> BranchPoint | None:
+    def _restart_beyond(self, a: BranchPoint, full_step: float) -> BranchPoint | None:
         """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue.
 
         The motion may lie beyond the end of the path, so that where the path ends does not decide whether there is one.
         """
         distances = 0.5 * 1.5 ** np.arange(12)
-        remaining = abs(self.end - a.parameter) / full
+        remaining = abs(self.end - a.parameter) / full_step
         for distance in sorted({remaining, *distances.tolist()}):
-            value = self.end if distance == remaining else a.parameter + self._forward * distance * full
+            value = self.end if distance == remaining else a.parameter + self._forward * distance * full_step
             b = next(self._solve(self._guesses(value), value, FURTHEST_JUMP), None)
             if b is None and distance > 1.0:
                 b = self._search_motion(value)
@@ -342,12 +347,12 @@ class Backbone:
         self.jumps.append(Jump(a.parameter, b.parameter, mode, ratio))
         if not self._is_traced(mode, ratio, a.parameter):
             tongue = self._search.tongue_between(a, b, mode)
-            within = [p for p in self._recent[-2:] if p is not a]
+            within = [p for p in self._since_jump[-2:] if p is not a]
             if tongue is None and within:
                 tongue = self._search.trace([*within, a], mode, a.parameter)
             if tongue is not None:
                 self.tongues.append(tongue)
-        self._recent = []
+        self._since_jump = []
 
     def _leads_to(self, a: BranchPoint, b: BranchPoint) -> bool:
         """Whether the branch leads from a to b after all, only faster than the predictions that keep out of tongues."""

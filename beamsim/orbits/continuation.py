@@ -105,8 +105,8 @@ class Predictor:
     row: Floats  # (n,) unit normal of the plane, in scaled unknowns
     scale: Floats  # (n,) of the unknowns
     reference: Floats | None = None  # (n,) direction in scaled unknowns that the tangent has a positive part along
-    furthest: float = np.inf  # distance from the guess, in scaled unknowns, at which Newton's method gives up
-    ahead: float = 0.0  # of the plane; a guess that is moved there beforehand leaves the curve that it lies on
+    largest_distance: float = np.inf  # distance from the guess, in scaled unknowns, at which Newton's method gives up
+    plane_offset: float = 0.0  # of the plane; a guess that is moved there beforehand leaves the curve that it lies on
 
 
 def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settings) -> BranchPoint | None:
@@ -136,7 +136,7 @@ def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settin
         if not np.isfinite(size):
             return None
         Jw = J * scale / rs[:, None]
-        off = float(row @ (w - start)) - predictor.ahead
+        off = float(row @ (w - start)) - predictor.plane_offset
         if _converged(size, moved, iteration, settings.tolerance) and abs(off) <= 1e-9 + settings.tolerance:
             tangent, sign = _kernel(Jw)
             point = BranchPoint(u, tangent, scale, size, sign, iteration, data)
@@ -151,7 +151,7 @@ def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settin
             return None
         w = w + step
         moved = float(np.linalg.norm(step))
-        if not np.linalg.norm(w - start) <= predictor.furthest:  # not a number included
+        if not np.linalg.norm(w - start) <= predictor.largest_distance:  # not a number included
             return None
         last, before = size, size if iteration % 5 == 1 else before
     return None
@@ -160,14 +160,14 @@ def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settin
 ROUND_OFF_STEP = 1e-13  # a shorter step of Newton's method, in scaled unknowns, is round-off
 
 
-def _converged(residual: float, moved: float, iteration: int, tolerance: float) -> bool:
+def _converged(residual: float, step_size: float, iteration: int, tolerance: float) -> bool:
     """Whether a residual is small enough, after a Newton step that moved the scaled unknowns so far."""
     # a guess that a step would not better is taken as it is: where branches cross, a step may lead off the own one
     # 0.01: of the tolerance, at which a first guess needs no correction
     if residual <= (tolerance if iteration else 0.01 * tolerance):
         return True
     # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
-    return moved <= ROUND_OFF_STEP and residual <= STIFF * tolerance
+    return step_size <= ROUND_OFF_STEP and residual <= STIFF * tolerance
 
 
 def solve_at(
@@ -176,7 +176,7 @@ def solve_at(
     settings: Settings,
     parameter: float | None = None,
     forward: float = 1.0,
-    furthest: float = np.inf,
+    largest_distance: float = np.inf,
 ) -> BranchPoint | None:
     """The solution at a fixed parameter.
 
@@ -186,7 +186,7 @@ def solve_at(
     guess : (n,) unknowns.
     parameter : its value, by default that of the guess.
     forward : whether the tangent points to larger values (> 0) or smaller ones.
-    furthest : see `Predictor`.
+    largest_distance : see `Predictor`.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def solve_at(
     u = guess.astype(float).copy()
     if parameter is not None:
         u[-1] = parameter
-    point = correct(problem, Predictor(u, row, scale, furthest=furthest), settings)
+    point = correct(problem, Predictor(u, row, scale, largest_distance=largest_distance), settings)
     return None if point is None else point.orient(forward)
 
 
@@ -224,7 +224,7 @@ def correct_across(problem: ContinuationProblem, guess: Floats, settings: Settin
 
 
 def interpolate_unknowns(
-    a: BranchPoint, b: BranchPoint, s: float, scale: Floats | None = None, ahead: float | None = None
+    a: BranchPoint, b: BranchPoint, s: float, scale: Floats | None = None, arc_length: float | None = None
 ) -> Floats:
     """The unknowns s of the way from a point to another, on a cubic with both tangents in the length of the chord.
 
@@ -236,7 +236,7 @@ def interpolate_unknowns(
     a, b : two points of a branch.
     s : share of the way, 1 at b.
     scale : (n,) of the unknowns, in which the arc is measured; by default that of a.
-    ahead : length of the arc beyond b, in place of the share.
+    arc_length : length of the arc beyond b, in place of the share.
 
     Returns
     -------
@@ -249,9 +249,9 @@ def interpolate_unknowns(
     ta, tb = (p.tangent * p.scale / scale for p in (a, b))
     ta, tb = ta / np.linalg.norm(ta), tb / np.linalg.norm(tb)
     length, turn = float(np.linalg.norm(chord)), ta - tb
-    if ahead is not None:
+    if arc_length is not None:
         length *= 1.0 + float(turn @ turn) / 24.0  # of an arc that turns by this much
-    x = s - 1.0 if ahead is None else ahead / length
+    x = s - 1.0 if arc_length is None else arc_length / length
     if float(ta @ chord) <= 0 or float(tb @ chord) <= 0:
         return np.asarray((wb + x * (chord if x <= 0 else length * tb)) * scale)
     bend = x**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + x**3 * (length * (ta + tb) - 2.0 * chord)
@@ -302,14 +302,14 @@ class BranchStep(Generic[ProblemT_co]):
         return float(((point.u - self.a.u) / self.a.scale) @ chord) / float(chord @ chord)
 
     def point_at(
-        self, share: float, known: tuple[float, BranchPoint, float, BranchPoint] | None = None
+        self, share: float, bracket: tuple[float, BranchPoint, float, BranchPoint] | None = None
     ) -> BranchPoint | None:
         """The point of the branch at a share of the way from a to b, measured along their chord.
 
         Parameters
         ----------
         share : of the chord.
-        known : the shares and points of two known points on either side, to guess from; a and b by default.
+        bracket : the shares and points of two known points on either side, to guess from; a and b by default.
 
         Returns
         -------
@@ -318,13 +318,13 @@ class BranchStep(Generic[ProblemT_co]):
         a, wa, wb = self.a, self.a.u / self.a.scale, self.b.u / self.a.scale
         row = (wb - wa) / np.linalg.norm(wb - wa)
         target = float(row @ (wa + share * (wb - wa)))
-        begin, left, end, right = (0.0, a, 1.0, self.b) if known is None else known
+        begin, left, end, right = (0.0, a, 1.0, self.b) if bracket is None else bracket
         s = (share - begin) / (end - begin)
         guesses = [interpolate_unknowns(left, right, s), left.u + s * (right.u - left.u)]
         nearest_first = (left, right) if s < 0.5 else (right, left)
         for guess in (*guesses, *(_on_tangent(end, row, target, a.scale) for end in nearest_first)):
             missing = target - float(row @ (guess / a.scale))
-            predictor = Predictor(guess, row, a.scale, a.tangent, ahead=missing)
+            predictor = Predictor(guess, row, a.scale, a.tangent, plane_offset=missing)
             point = correct(self.problem, predictor, self.settings)
             if point is not None:
                 return point
@@ -557,14 +557,14 @@ class Branch:
             at=point.parameter, remedy="check the size of the loads and stiffnesses",
         )  # fmt: skip
 
-    def _step(self, point: BranchPoint, before: BranchPoint | None, ds: float) -> BranchPoint | None:
+    def _step(self, point: BranchPoint, previous: BranchPoint | None, ds: float) -> BranchPoint | None:
         s = self.settings
         scale = self.problem.scale(point.u)[0]
         t = point.tangent * point.scale / scale
         t = t / np.linalg.norm(t)
         w = along = point.u / scale + ds * t
-        if before is not None:
-            w = interpolate_unknowns(before, point, 1.0, scale, ahead=ds) / scale
+        if previous is not None:
+            w = interpolate_unknowns(previous, point, 1.0, scale, arc_length=ds) / scale
         missing, furthest = float(t @ (along - w)), 2.0 * ds + 1e-12
         new = correct(self.problem, Predictor(w * scale, t, scale, t, furthest, missing), s)
         if new is None:

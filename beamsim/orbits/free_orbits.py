@@ -271,17 +271,17 @@ def _idle(family: SpringFamily) -> Floats:
     return out
 
 
-def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats | None = None) -> Floats:
+def linear_mode(orbits: BrakeOrbits, mode: int, value: float, positive_direction: Floats | None = None) -> Floats:
     """Unknowns of linear mode ``mode`` (from 0) with the energy asked for, its contacts open at rest.
 
-    ``away_from`` (n,) is a direction that the shape at rest must have a positive component along.
+    ``positive_direction`` (n,) is a direction that the shape at rest must have a positive component along.
 
     Parameters
     ----------
     orbits : the shooting problem.
     mode : from 0.
     value : of the parameter.
-    away_from : see above.
+    positive_direction : see above.
 
     Returns
     -------
@@ -290,7 +290,7 @@ def linear_mode(orbits: BrakeOrbits, mode: int, value: float, away_from: Floats 
     omega = orbits.omega
     energy = float(np.exp(value)) if orbits.parameter == "energy" else orbits.energy
     q = orbits.vectors[:, mode] * (np.sqrt(2.0 * energy) / omega[mode])
-    if away_from is not None and float(away_from @ q) < 0:
+    if positive_direction is not None and float(positive_direction @ q) < 0:
         q = -q
     q = q + orbits.family.static_equilibrium(0.0 if orbits.parameter == "stiffness_factor" else orbits.factor)
     return orbits.unknowns(q, 2 * np.pi / float(omega[mode]), value)

@@ -334,7 +334,7 @@ class ForcedBalance:
             D = -s * absolute[:, j]
             D[0] -= c.gap[j]
             contact = one_sided(D)
-            closed.append(contact.closed)
+            closed.append(contact.closed_intervals)
             # k delta_+ + c (delta_+)': the force of Kelvin and Voigt while closed
             rate = c.stiffness[j] + 1j * h * omega * c.dashpot[j]
             value[:, j] = s * rate * contact.positive

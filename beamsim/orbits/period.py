@@ -20,7 +20,7 @@ from beamsim.typing import Floats, Ints
 PIECES = 64  # of a period, on each of which a power series is a polynomial
 
 
-def phases_of_contacts(flow_map: FlowMap, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
+def phases_of_contacts(flow_map: FlowMap, excluded: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
     """New phases of each contact in the order of its events, some contacts left out.
 
     Events of different contacts have no order here: of those at one time, as in equal parts of a structure that nothing
@@ -28,14 +28,14 @@ def phases_of_contacts(flow_map: FlowMap, without: Collection[int] = ()) -> dict
     """
     phases: dict[int, list[int]] = {}
     for contact, phase in flow_map.signature:
-        if contact not in without:
+        if contact not in excluded:
             phases.setdefault(contact, []).append(phase)
     return {contact: tuple(of) for contact, of in sorted(phases.items())}
 
 
-def cyclic(flow_map: FlowMap, without: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
+def cyclic(flow_map: FlowMap, excluded: Collection[int] = ()) -> dict[int, tuple[int, ...]]:
     """The same over a period, whatever event of a contact comes first."""
-    phases = phases_of_contacts(flow_map, without)
+    phases = phases_of_contacts(flow_map, excluded)
     return {contact: min(s[i:] + s[:i] for i in range(len(s))) for contact, s in phases.items()}
 
 
@@ -72,7 +72,7 @@ def extrema_of(
 def polynomial_extrema(
     values: Callable[[Floats, Floats], Floats],
     edges: Floats,
-    breaks: Floats,
+    event_times: Floats,
     pieces: int = PIECES,
     squares: Ints | None = None,
 ) -> Extrema:
@@ -82,7 +82,7 @@ def polynomial_extrema(
     ----------
     values : the outputs (nt, K) at times (nt,), s, that do not decrease; with each comes a time inside its piece.
     edges : (W + 1,) s, increasing, between each two of which the extremes are asked for.
-    breaks : s, of the events.
+    event_times : s, of the events.
     pieces : least number.
     squares : as of `extrema_of`.
 
@@ -90,7 +90,7 @@ def polynomial_extrema(
     -------
     Smallest and largest values (W, K) and their times.
     """
-    ends = np.unique(np.concatenate([edges, np.linspace(edges[0], edges[-1], pieces + 1), breaks]))
+    ends = np.unique(np.concatenate([edges, np.linspace(edges[0], edges[-1], pieces + 1), event_times]))
     length = np.diff(ends)
     times = ends[:-1, None] + 0.5 * length[:, None] * (1.0 + chebyshev.chebpts2(NODES + 1))
     at_points = values(times.ravel(), np.repeat(ends[:-1] + 0.5 * length, NODES + 1))

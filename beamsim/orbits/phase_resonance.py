@@ -63,14 +63,14 @@ NO_WORK = 1e-9  # share of the largest possible work below which a force does no
 
 
 def appropriate_force(
-    damped: PiecewiseLinearSystem, flow: PeriodicFlow, whole: FlowMap, load: Complexes
+    damped: PiecewiseLinearSystem, flow: PeriodicFlow, cycle: FlowMap, load: Complexes
 ) -> Appropriation:
     """The level of ``Re(load e^{i omega t})`` that excites a damped structure on a nonlinear mode.
 
     Parameters
     ----------
     damped : the structure with its damping and dashpots; contacts on the ground feel no base motion here.
-    flow, whole : the undamped structure's flow and the mode's motion over one period
+    flow, cycle : the undamped structure's flow and the mode's motion over one period
         (:meth:`beamsim.orbits.free_orbits.BrakeOrbits.cycle`).
     load : (n,) complex generalised force of a level of one, at the mode's frequency.
 
@@ -83,10 +83,10 @@ def appropriate_force(
     ValueError : where the force does no work on the mode (it acts at a node).
     """
     n, c = damped.size, damped.contacts.split()
-    period = whole.duration
+    period = cycle.duration
     omega = 2 * np.pi / period
-    t, weight = gauss_panels(np.append(whole.time, period), flow.fastest)
-    states = flow.states_at(whole, t)
+    t, weight = gauss_panels(np.append(cycle.time, period), flow.fastest)
+    states = flow.states_at(cycle, t)
     q, v = states[:, :n], states[:, n : 2 * n]
     by_structure = float(weight @ np.einsum("ti,ij,tj->t", v, damped.damping, v))
     closed = -c.gap - c.sign * (q @ c.shape.T) > 0
@@ -99,7 +99,7 @@ def appropriate_force(
         raise ValueError("the force does no work on this mode (it acts at a node)")
     # a motion that is shift ahead of the mode's own takes Re(work e^{-i omega shift}) from the force
     shift = float(np.angle(work)) / omega % period
-    start = flow.states_at(whole, np.array([shift]))[0]
+    start = flow.states_at(cycle, np.array([shift]))[0]
     return Appropriation((by_structure + by_contacts) / abs(work), omega, shift, start, by_structure, by_contacts)
 
 

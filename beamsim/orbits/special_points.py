@@ -66,10 +66,10 @@ def _crossings(flow_map: FlowMap) -> dict[tuple[int, int, int], list[tuple[float
     return crossings
 
 
-def _stays(contacts: Contacts, flow_map: FlowMap, few: FlowMap) -> list[_Stay]:
+def _stays(contacts: Contacts, flow_map: FlowMap, fewer: FlowMap) -> list[_Stay]:
     """By border crossed less often in the other motion the shortest stay beyond it, the shortest of all first."""
     found: list[tuple[float, _Stay]] = []
-    others = _crossings(few)
+    others = _crossings(fewer)
     without = without_borders(contacts)
     for border, events in _crossings(flow_map).items():
         if border[0] in without or len(events) <= len(others.get(border, ())):
@@ -86,7 +86,7 @@ def _stays(contacts: Contacts, flow_map: FlowMap, few: FlowMap) -> list[_Stay]:
 SAME_TIME = 1e-13  # of a period, within which a time is that of a window's edge
 
 
-def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, near: float) -> tuple[float, float]:
+def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, near_time: float) -> tuple[float, float]:
     """A contact's guard at its local minimum nearest to a time of a period.
 
     Parameters
@@ -94,7 +94,7 @@ def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, n
     flow, flow_map : the motion over a period.
     contact : its number.
     guard : (C,) factors of what its law depends on, as of `Contacts.guard`.
-    near : s, time of the period.
+    near_time : s, time of the period.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, n
     """
     T, contacts = flow_map.duration, flow.system.contacts
     start, count = 2 * flow.system.size + int(contacts.first_state[contact]), int(contacts.state_counts[contact])
-    centred = np.mod(near + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
+    centred = np.mod(near_time + (np.arange(WINDOWS) + 0.5) * (T / WINDOWS), T)
     edges = np.unique(np.concatenate([[0.0], centred, [T]]))
 
     def rows(exact: ExactFlow) -> Floats:
@@ -120,7 +120,7 @@ def lowest(flow: PeriodicFlow, flow_map: FlowMap, contact: int, guard: Floats, n
     turns = np.flatnonzero(~(first | last) | (last & np.roll(first, -1)))
     if turns.size == 0:
         return np.nan, np.nan
-    distance = np.abs(np.mod(when[turns] - near + 0.5 * T, T) - 0.5 * T)
+    distance = np.abs(np.mod(when[turns] - near_time + 0.5 * T, T) - 0.5 * T)
     nearest = turns[np.argmin(distance)]
     return float(low[nearest]), float(when[nearest] % T)
 
@@ -153,7 +153,7 @@ def grazings(step: BranchStep[OrbitProblem], budget: Iterator[int], depth: int =
     # 4: events of a phase that appears, and of its mirror image where a motion goes back the way it came
     if 0 < abs(ea - eb) <= 4 or (ea != eb and depth > MOST_HALVINGS // 2):
         more, few = (cycle_a, cycle_b) if ea > eb else (cycle_b, cycle_a)
-        points = _at_one_point(step, more, few, late=depth > MOST_HALVINGS // 2)
+        points = _at_one_point(step, more, few, may_be_partial=depth > MOST_HALVINGS // 2)
         if points:
             yield from points
             return
@@ -167,21 +167,23 @@ def grazings(step: BranchStep[OrbitProblem], budget: Iterator[int], depth: int =
 VANISHED = 1e-6  # of the neighbours' values: the remainder where a guard has vanished
 
 
-def _at_one_point(step: BranchStep[OrbitProblem], more: FlowMap, few: FlowMap, *, late: bool) -> list[SpecialPoint]:
-    """Grazings at one point by which one of two motions has more events than the other; none where it is not found.
+def _at_one_point(
+    step: BranchStep[OrbitProblem], motion: FlowMap, fewer: FlowMap, *, may_be_partial: bool
+) -> list[SpecialPoint]:
+    """Grazings at one point that explain why one motion has more events than another; empty if not found.
 
-    Several contacts graze at once where the structure is symmetric. Unless it is ``late``, the point must explain the
-    whole difference.
+    In a symmetric structure several contacts graze at once. Unless ``may_be_partial``, the point must explain the
+    whole difference of the events.
     """
     contacts = step.problem.cycle(step.a)[0].system.contacts
 
     def nearest(point: BranchPoint, stay: _Stay) -> tuple[float, float]:
         (flow, cycle), (contact, before, after, middle) = step.problem.cycle(point), stay
         guard = contacts.guard(contact, before, after)
-        return lowest(flow, cycle, contact, guard, middle / more.duration * cycle.duration)
+        return lowest(flow, cycle, contact, guard, middle / motion.duration * cycle.duration)
 
     # where a motion turns in another phase than the neighbour, borders are crossed more often that nothing grazes
-    ends = [(stay, (nearest(step.a, stay)[0], nearest(step.b, stay)[0])) for stay in _stays(contacts, more, few)]
+    ends = [(stay, (nearest(step.a, stay)[0], nearest(step.b, stay)[0])) for stay in _stays(contacts, motion, fewer)]
     stays = [stay for stay, values in ends if values[0] * values[1] <= 0.0]
     values = [values for _, values in ends if values[0] * values[1] <= 0.0]
     graze = step.locate(lambda p: nearest(p, stays[0])[0], values[0]) if stays else None
@@ -189,7 +191,7 @@ def _at_one_point(step: BranchStep[OrbitProblem], more: FlowMap, few: FlowMap, *
         return []
     found = [nearest(graze, stay) for stay in stays]
     touching = [abs(value) <= VANISHED * max(map(abs, pair)) for (value, _), pair in zip(found, values, strict=True)]
-    if not touching[0] or not (late or (all(touching) and _explains(step, graze))):
+    if not touching[0] or not (may_be_partial or (all(touching) and _explains(step, graze))):
         return []
     return [
         SpecialPoint("grazing", graze.parameter, graze, contact, time, *contacts.boundary(contact, before, after)[::-1])
@@ -229,12 +231,12 @@ def _turning(mu: Complexes) -> Complexes:
     return np.asarray((pair - 1.0) / (1.0 + np.abs(pair)))
 
 
-def _vanishes(step: BranchStep[OrbitProblem], of: Callable[[Complexes], Complexes]) -> BranchPoint | None:
+def _vanishes(step: BranchStep[OrbitProblem], test_numbers: Callable[[Complexes], Complexes]) -> BranchPoint | None:
     """Where the product of such numbers vanishes, against that at the left: those of many modes underflow."""
 
     def logarithm(point: BranchPoint) -> complex:
         with np.errstate(divide="ignore"):
-            return complex(np.log(of(step.problem.multipliers(point))).sum())
+            return complex(np.log(test_numbers(step.problem.multipliers(point))).sum())
 
     size = logarithm(step.a).real
     return step.locate(lambda point: float(np.exp(logarithm(point) - size).real))
@@ -293,25 +295,25 @@ def special_points(step: BranchStep[OrbitProblem], failed: list[FailedSearch] | 
     return special
 
 
-def _add_turn(special: list[SpecialPoint], step: BranchStep[OrbitProblem], piece: BranchStep[OrbitProblem]) -> None:
+def _add_turn(points: list[SpecialPoint], step: BranchStep[OrbitProblem], piece: BranchStep[OrbitProblem]) -> None:
     """Add the fold on a step, or call the grazing a nonsmooth fold at which the branch turns instead.
 
     That is the one at an end of the piece without corners that the step belongs to.
     """
     fold = step.locate(lambda p: float(p.tangent[-1]))
-    crossings = [step.share(e.point) for e in special if e.kind == "branch_point"]
+    crossings = [step.share(e.point) for e in points if e.kind == "branch_point"]
     # 1e-3: of the step, within which it is a branch that turns where another one crosses it, in a pitchfork
     if fold is None or any(abs(step.share(fold) - at) < 1e-3 for at in crossings):
         return
     # 1e-3: of the tangent's part along the parameter at the neighbours: what a fold leaves of it
     if abs(float(fold.tangent[-1])) <= 1e-3 * min(abs(float(step.a.tangent[-1])), abs(float(step.b.tangent[-1]))):
-        special.append(SpecialPoint("fold", fold.parameter, fold))
+        points.append(SpecialPoint("fold", fold.parameter, fold))
         return
-    ends = [k for k, event in enumerate(special) if any(event.point is end for end in (piece.a, piece.b))]
+    ends = [k for k, event in enumerate(points) if any(event.point is end for end in (piece.a, piece.b))]
     if not ends:
         raise ArithmeticError("the branch turns back at a corner that was not found")
-    at = min(ends, key=lambda k: float(np.linalg.norm((special[k].point.u - fold.u) / fold.scale)))
-    special[at] = replace(special[at], kind="nonsmooth_fold")
+    at = min(ends, key=lambda k: float(np.linalg.norm((points[k].point.u - fold.u) / fold.scale)))
+    points[at] = replace(points[at], kind="nonsmooth_fold")
 
 
 def _changes_of_stability(step: BranchStep[OrbitProblem]) -> Iterator[SpecialPoint]:
@@ -435,7 +437,7 @@ def correct_on_other_branch(
     for size in sizes:
         guess = u + size * row * scale
         # 10.0: how far the unknowns may move while the first amplitude is held, in units of it
-        point = correct(problem, Predictor(guess, row, scale, row, furthest=10.0 * size), settings)
+        point = correct(problem, Predictor(guess, row, scale, row, largest_distance=10.0 * size), settings)
         if point is not None:
             yield point
 

@@ -156,11 +156,18 @@ class SpringFamily:
         return value, s.stiffness * q - s.constant_load + factor * push, by_factor
 
 
-def _bilinear_period(before: float, beyond: float, border: float, shape: float, energy: float) -> float:
-    """Period, s, of a mode of frequency ``before``, rad/s, up to a deflection ``border``, and ``beyond`` beyond it."""
-    reach = abs(shape) * float(np.sqrt(2 * energy)) / before
+def _bilinear_period(
+    inner_frequency: float, outer_frequency: float, border: float, shape: float, energy: float
+) -> float:
+    """Period, s, of a bilinear mode: ``inner_frequency``, rad/s, up to a deflection ``border``, ``outer_frequency``
+    beyond."""
+    reach = abs(shape) * float(np.sqrt(2 * energy)) / inner_frequency
     if reach <= border:
-        return 2 * np.pi / before
-    speed = before * float(np.sqrt(reach**2 - border**2))
-    inside = float(np.arccos(-border / reach)) / before
-    return 2 * (inside + float(np.arctan2(speed / beyond, border * (before / beyond) ** 2)) / beyond)
+        return 2 * np.pi / inner_frequency
+    speed = inner_frequency * float(np.sqrt(reach**2 - border**2))
+    inside = float(np.arccos(-border / reach)) / inner_frequency
+    return 2 * (
+        inside
+        + float(np.arctan2(speed / outer_frequency, border * (inner_frequency / outer_frequency) ** 2))
+        / outer_frequency
+    )

@@ -100,7 +100,7 @@ class Tongues:
         row[: o.n] = o.vectors[:, mode] * (float(o.omega[mode]) / np.sqrt(2.0 * o.split(u)[3]))
         return row * o.scale(u)[0]
 
-    def tongue_between(self, a: BranchPoint, b: BranchPoint, other: int) -> OrbitBranch | None:
+    def tongue_between(self, a: BranchPoint, b: BranchPoint, other_mode: int) -> OrbitBranch | None:
         """The tongue of another mode that a step of the backbone from a to b crosses; None where none is found.
 
         A disturbance of the shape in the other mode alone comes to rest again after half a period where
@@ -110,34 +110,34 @@ class Tongues:
         Parameters
         ----------
         a, b : neighbours on the backbone.
-        other : the other mode, from 0.
+        other_mode : the other mode, from 0.
 
         Returns
         -------
         The tongue, from its first motion inwards.
         """
-        if self.orbits.omega[other] < RIGID * self.orbits.omega[self.mode]:
+        if self.orbits.omega[other_mode] < RIGID * self.orbits.omega[self.mode]:
             return None
-        left, right = self.orbits.mode_slope(a, other), self.orbits.mode_slope(b, other)
+        left, right = self.orbits.mode_slope(a, other_mode), self.orbits.mode_slope(b, other_mode)
         at = left / (left - right) if left * right < 0 else 0.5
         u = a.u + at * (b.u - a.u)
-        towards = np.copysign(1.0, self._row(u, other) @ ((a.u - b.u) / self.orbits.scale(u)[0]))
+        towards = np.copysign(1.0, self._row(u, other_mode) @ ((a.u - b.u) / self.orbits.scale(u)[0]))
         for sign in (towards, -towards):
-            points = self._enter(u, other, float(sign)) or []
+            points = self._enter(u, other_mode, float(sign)) or []
             # a thinner tongue of a third mode may stop the path from one beginning and not from another
             for begin in {len(points): points, 2: points[-2:]}.values():
-                tongue = self.trace(begin, other, float(u[-1])) if begin else None
+                tongue = self.trace(begin, other_mode, float(u[-1])) if begin else None
                 if tongue is not None:
                     return tongue
         return None
 
-    def _enter(self, u: Floats, other: int, sign: float) -> list[BranchPoint] | None:
+    def _enter(self, u: Floats, other_mode: int, sign: float) -> list[BranchPoint] | None:
         """Motions of growing amplitude in the other mode, from a backbone's motion u at the resonance."""
         scale = self.orbits.scale(u)[0]
-        row = self._row(u, other)
+        row = self._row(u, other_mode)
         q, _, factor, _ = self.orbits.split(u)
         shares = self.orbits.share(q, factor)
-        most_third = 1.0 - float(shares[self.mode] + shares[other]) + 2 * BACKGROUND
+        most_third = 1.0 - float(shares[self.mode] + shares[other_mode]) + 2 * BACKGROUND
         settings = replace(self.settings, iterations=12)
         direction = np.zeros(u.size)  # in scaled unknowns, of unit amplitude in the other mode alone
         direction[: self.orbits.n] = row[: self.orbits.n] / float(row @ row)
@@ -145,12 +145,12 @@ class Tongues:
         def at(guess: Floats, amplitude: float) -> BranchPoint | None:
             w = guess / scale
             w = w + (sign * amplitude + float(row @ (u / scale - w))) * direction
-            point = correct(self.orbits, Predictor(w * scale, row, scale, furthest=0.5), settings)
+            point = correct(self.orbits, Predictor(w * scale, row, scale, largest_distance=0.5), settings)
             if point is None or not self.low <= point.parameter <= self.high:
                 return None
             # 0.6: of the amplitude asked for, for a motion to count as one in the tongue
-            entered = self.orbits.share_at(point)[other] > (0.6 * amplitude) ** 2
-            return point if entered and self._third(point, other) < most_third else None
+            entered = self.orbits.share_at(point)[other_mode] > (0.6 * amplitude) ** 2
+            return point if entered and self._third(point, other_mode) < most_third else None
 
         points: list[BranchPoint] = []
         for amplitude in FIRST_AMPLITUDES:
@@ -167,13 +167,13 @@ class Tongues:
             points.insert(0, point)
         return points
 
-    def trace(self, begin: list[BranchPoint], other: int, parameter: float) -> OrbitBranch | None:
+    def trace(self, begin: list[BranchPoint], other_mode: int, parameter: float) -> OrbitBranch | None:
         """A tongue followed over the thinner tongues of third modes that cross it.
 
         Parameters
         ----------
         begin : the first motions in it.
-        other : the mode to which the energy goes, from 0.
+        other_mode : the mode to which the energy goes, from 0.
         parameter : where it leaves the backbone.
 
         Returns
@@ -186,11 +186,11 @@ class Tongues:
         ds = min(max(ds, SHORTEST), LONGEST)
         failures = 0
         outcome = too_many_points(self.most_points)
-        third = self._third(points[-1], other)
+        third = self._third(points[-1], other_mode)
         while len(points) < self.most_points:
             new = None
             for part in STEPS:
-                new = self._ahead(points, scale, part * ds, other, third + BACKGROUND)
+                new = self._ahead(points, scale, part * ds, other_mode, third + BACKGROUND)
                 if new is not None:
                     break
                 failures += 1
@@ -205,7 +205,7 @@ class Tongues:
                     break
                 continue
             points.append(new)
-            third = 0.5 * (third + self._third(new, other))
+            third = 0.5 * (third + self._third(new, other_mode))
             # 0.02: share of the energy in the requested mode below which a tongue ends
             if self.orbits.share_at(new)[self.mode] < 0.02:
                 outcome = Outcome.of(
@@ -218,15 +218,21 @@ class Tongues:
             return None
         deepest = points[int(np.argmin(shares))]
         return OrbitBranch(
-            self.orbits, points, outcome, kind="tongue", mode=other, ratio=self.order(deepest, other), origin=parameter
+            self.orbits,
+            points,
+            outcome,
+            kind="tongue",
+            mode=other_mode,
+            ratio=self.order(deepest, other_mode),
+            origin=parameter,
         )
 
-    def _third(self, point: BranchPoint, other: int) -> float:
+    def _third(self, point: BranchPoint, other_mode: int) -> float:
         share = self.orbits.share_at(point)
-        return float(1.0 - share[self.mode] - share[other])
+        return float(1.0 - share[self.mode] - share[other_mode])
 
     def _ahead(
-        self, points: list[BranchPoint], scale: Floats, ds: float, other: int, most_third: float
+        self, points: list[BranchPoint], scale: Floats, ds: float, other_mode: int, most_third: float
     ) -> BranchPoint | None:
         """The motion a step beyond the last one; None where there is none, or it belongs to a third mode's tongue."""
         w = [p.u / scale for p in points[-3:]]
@@ -239,13 +245,15 @@ class Tongues:
             size = float(np.linalg.norm(before))
             # Newton's form of the parabola in the length along the chords
             guess = guess + ds * (ds + last) * (row - before / size) / (last + size)
-        point = correct(self.orbits, Predictor(guess * scale, row, scale, row, furthest=0.7 * ds), self.settings)
+        point = correct(
+            self.orbits, Predictor(guess * scale, row, scale, row, largest_distance=0.7 * ds), self.settings
+        )
         if point is None or not self.low <= point.parameter <= self.high:
             return None
-        return point if self._third(point, other) < most_third else None
+        return point if self._third(point, other_mode) < most_third else None
 
-    def order(self, point: BranchPoint, other: int) -> int:
+    def order(self, point: BranchPoint, other_mode: int) -> int:
         """n: the strongest harmonic of the other mode's coordinate."""
         period = self.orbits.split(point.u)[1]
-        count = int(np.ceil(SAMPLES_A_TURN * (2.0 + float(self.orbits.omega[other]) * period / (2 * np.pi))))
-        return 1 + int(np.argmax(np.abs(harmonics(self.orbits, point, count)[1:, other])))
+        count = int(np.ceil(SAMPLES_A_TURN * (2.0 + float(self.orbits.omega[other_mode]) * period / (2 * np.pi))))
+        return 1 + int(np.argmax(np.abs(harmonics(self.orbits, point, count)[1:, other_mode])))

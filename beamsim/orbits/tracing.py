@@ -106,9 +106,9 @@ class Tracer:
                 yield self._try_find(self.problem.from_flow_map, flow, flow.flow_map(state, period), value)
 
     @staticmethod
-    def _try_find(find: Callable[..., BranchPoint | None], *of: Any) -> BranchPoint | None:
+    def _try_find(find: Callable[..., BranchPoint | None], *argument: Any) -> BranchPoint | None:
         try:
-            return find(*of)
+            return find(*argument)
         except (ArithmeticError, np.linalg.LinAlgError):
             return None
 
@@ -167,18 +167,18 @@ class Budget:
     branch_points: int = 2000  # of one branch
     side_points: int = 300  # of one that leaves another branch
     branches: int = 40
-    used: int = 0  # points so far
-    begun: float = field(default_factory=clock.monotonic)
-    cut_off: set[str] = field(default_factory=set)  # settings that ended a branch, or kept one from being followed
+    points_used: int = 0  # points so far
+    start_time: float = field(default_factory=clock.monotonic)
+    settings_hit: set[str] = field(default_factory=set)  # settings that ended a branch, or kept one from being followed
     not_followed: int = 0  # bifurcations from which no branch was followed
 
     def exhaustion(self) -> Outcome | None:
         """Why no more work is allowed; None while it is."""
         if stop_requested():
             return INTERRUPTED
-        if self.points <= self.used:
-            return with_limit(too_many_points(self.used), "sweep.most_points")
-        if clock.monotonic() - self.begun > self.seconds:
+        if self.points <= self.points_used:
+            return with_limit(too_many_points(self.points_used), "sweep.most_points")
+        if clock.monotonic() - self.start_time > self.seconds:
             spent = Outcome.of(OutcomeKind.STOPPED, "time_limit", f"the limit of {self.seconds:g} s is reached")
             return with_limit(spent, "sweep.longest_time")
         return None
@@ -186,26 +186,26 @@ class Budget:
     @property
     def remaining(self) -> int:
         """Points that a branch may still have: two at least."""
-        return max(self.points - self.used, 2)
+        return max(self.points - self.points_used, 2)
 
     def allows_another(self, branches: int) -> bool:
         """Whether one more branch may be followed in addition to so many; the limit that forbids it is kept."""
         spent = self.exhaustion()
         if spent is None and branches < self.branches:
             return True
-        self.cut(spent or with_limit(too_many_points(self.used), "sweep.most_branches"))
+        self.cut(spent or with_limit(too_many_points(self.points_used), "sweep.most_branches"))
         return False
 
-    def cut(self, spent: Outcome) -> None:
+    def cut(self, outcome: Outcome) -> None:
         """Keep the setting behind the end of a branch."""
-        if "limit" in spent.numbers:
-            self.cut_off.add(str(spent.numbers["limit"]))
+        if "limit" in outcome.numbers:
+            self.settings_hit.add(str(outcome.numbers["limit"]))
 
     def exceeded(self, *, incomplete: bool) -> Outcome | None:
         """Which limits ended branches, or kept them from being followed; None where none did."""
-        if not self.cut_off:
+        if not self.settings_hit:
             return None
-        limits, left = ", ".join(sorted(self.cut_off)), self.not_followed
+        limits, left = ", ".join(sorted(self.settings_hit)), self.not_followed
         beyond = f"; from {left} bifurcations no branch was followed" if left else ""
         if incomplete:
             sentence = "limits on the number of points or branches were reached"
@@ -336,7 +336,7 @@ def trace_range(
         gaps, begin = missing(branches, first, last), last
         if gaps and (last in tried or not any(last in gap for gap in gaps)):
             # what a limit on points left out is looked for within the range first
-            if inside is not tracer and (count > 1 or not budget.cut_off):
+            if inside is not tracer and (count > 1 or not budget.settings_hit):
                 inside = tracer
                 for k, branch in enumerate(branches):
                     branches[k] = followed_beyond(tracer, branch, budget, [*branches[:k], *branches[k + 1 :]])
@@ -349,13 +349,13 @@ def trace_range(
         if not gaps or budget.exhaustion():
             break
     if not missing(branches, first, last):
-        budget.cut_off.clear()  # what one branch left out, another one reached
+        budget.settings_hit.clear()  # what one branch left out, another one reached
     grown(1.0)
     return branches
 
 
 def coexisting_branches(
-    tracer: Tracer, values: list[float], known: list[OrbitBranch], budget: Budget
+    tracer: Tracer, values: list[float], known_branches: list[OrbitBranch], budget: Budget
 ) -> list[OrbitBranch]:
     """Branches that pass none of the known ones.
 
@@ -363,7 +363,7 @@ def coexisting_branches(
     ----------
     tracer : along the parameter.
     values : of the parameter, at which motions are sought.
-    known : branches so far.
+    known_branches : branches so far.
     budget : points and time that may be spent.
 
     Returns
@@ -376,11 +376,13 @@ def coexisting_branches(
         if stop_requested():
             return branches
         for start in until_stop(tracer.search(value)):
-            if not budget.allows_another(len(known) + len(branches)):
+            if not budget.allows_another(len(known_branches) + len(branches)):
                 return branches
-            if start is None or coincides(start, [*known, *branches]):
+            if start is None or coincides(start, [*known_branches, *branches]):
                 continue
-            halves = [follow(tracer, start, direction, budget, [*known, *branches]) for direction in (1.0, -1.0)]
+            halves = [
+                follow(tracer, start, direction, budget, [*known_branches, *branches]) for direction in (1.0, -1.0)
+            ]
             branches.append(join_directions(*halves))
     return branches
 
@@ -390,8 +392,8 @@ def follow(
     start: BranchPoint,
     direction: float,
     budget: Budget,
-    known: list[OrbitBranch],
-    tell: Progress = None,
+    known_branches: list[OrbitBranch],
+    progress: Progress = None,
 ) -> OrbitBranch:
     """What goes on in one direction from a start, up to a known branch.
 
@@ -401,8 +403,8 @@ def follow(
     start : the first point.
     direction : along its tangent (> 0), or against it.
     budget : points and time that may be spent.
-    known : branches that it may run into.
-    tell : called with the parameter of every point.
+    known_branches : branches that it may run into.
+    progress : called with the parameter of every point.
 
     Returns
     -------
@@ -414,17 +416,19 @@ def follow(
     most = min(budget.branch_points, budget.remaining)
     limit = "sweep.most_branch_points" if most == budget.branch_points else "sweep.most_points"
     branch = Branch(tracer.problem, start, *tracer.reach, Settings(most_points=most))
-    return walk(branch, budget, joining(known, tell=tell), limit)
+    return walk(branch, budget, joining(known_branches, progress=progress), limit)
 
 
-def followed_beyond(tracer: Tracer, branch: OrbitBranch, budget: Budget, known: list[OrbitBranch]) -> OrbitBranch:
+def followed_beyond(
+    tracer: Tracer, branch: OrbitBranch, budget: Budget, known_branches: list[OrbitBranch]
+) -> OrbitBranch:
     """A branch, followed on where its last point left a range: the curve may come back.
 
     Parameters
     ----------
     tracer : with the values that must not be left.
     branch : within the range.
-    budget, known : see `follow`.
+    budget, known_branches : see `follow`.
 
     Returns
     -------
@@ -435,34 +439,34 @@ def followed_beyond(tracer: Tracer, branch: OrbitBranch, budget: Budget, known: 
     outwards = tracer.reach[1] if last.tangent[-1] > 0 else tracer.reach[0]
     if branch.outcome.code != REACHED_END or last.parameter == outwards or budget.exhaustion():
         return branch
-    on = follow(tracer, last, 1.0, budget, known)
+    on = follow(tracer, last, 1.0, budget, known_branches)
     points, special = (*branch.points[:-1], *on.points), (*branch.special, *on.special)
     return replace(on, points=points, special=special, outcome=on.outcome.copy_with(*branch.outcome.sub_outcomes))
 
 
 def joining(
-    known: list[OrbitBranch], *, leaves: bool = False, tell: Progress = None
+    known_branches: list[OrbitBranch], *, from_bifurcation: bool = False, progress: Progress = None
 ) -> Callable[[BranchPoint], Outcome | None]:
     """A test of whether a branch has run into a known one.
 
     Parameters
     ----------
-    known : branches.
-    leaves : whether it begins on one of them, and ends where it comes to one again.
-    tell : called with the parameter of every point.
+    known_branches : branches.
+    from_bifurcation : whether it begins on one of them, and ends where it comes to one again.
+    progress : called with the parameter of every point.
 
     Returns
     -------
     Callable
         To be called with every point in turn: None until the second one in a row on a known branch, then the outcome.
     """
-    apart, close = not leaves, 0
+    apart, close = not from_bifurcation, 0
 
     def joins(point: BranchPoint) -> Outcome | None:
         nonlocal apart, close
-        if tell is not None:
-            tell(point.parameter)
-        together = coincides(point, known)
+        if progress is not None:
+            progress(point.parameter)
+        together = coincides(point, known_branches)
         apart = apart or not together
         close = close + 1 if apart and together else 0
         if close < 2:
@@ -507,7 +511,7 @@ def walk(
             special += between
             points += [s.point for s in between]
         points.append(point)
-        budget.used += 1
+        budget.points_used += 1
         if outcome is not None:
             break
         if spent := budget.exhaustion():
@@ -526,10 +530,10 @@ def walk(
 AT_END = 1e-9  # relative distance of the parameter from the end of a branch, within which a motion lies there
 
 
-def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
+def coincides(point: BranchPoint, known_branches: list[OrbitBranch]) -> bool:
     """Whether a known branch passes through a point."""
     p = point.parameter
-    for branch in known:
+    for branch in known_branches:
         off = branch.values - p
         low, high = np.minimum(off[:-1], off[1:]), np.maximum(off[:-1], off[1:])
         for i in np.flatnonzero((low <= AT_END * abs(p)) & (high >= -AT_END * abs(p)) & (low < high)):
@@ -548,12 +552,12 @@ def coincides(point: BranchPoint, known: list[OrbitBranch]) -> bool:
     return False
 
 
-def join_directions(forward: OrbitBranch, back: OrbitBranch | None = None) -> OrbitBranch:
+def join_directions(forward: OrbitBranch, backward: OrbitBranch | None = None) -> OrbitBranch:
     """One branch from what was followed in one direction or both."""
-    if back is None:
+    if backward is None:
         return forward
-    points = (*back.points[::-1][:-1], *forward.points)
-    outcome, special = both_directions(back.outcome, forward.outcome), (*back.special[::-1], *forward.special)
+    points = (*backward.points[::-1][:-1], *forward.points)
+    outcome, special = both_directions(backward.outcome, forward.outcome), (*backward.special[::-1], *forward.special)
     return replace(forward, points=points, outcome=outcome, special=special)
 
 
@@ -635,7 +639,7 @@ class BranchingPoint:
 
 
 def side_branches(
-    main: list[OrbitBranch], reach: tuple[float, float], longest: int, budget: Budget
+    main_branches: list[OrbitBranch], reach: tuple[float, float], longest: int, budget: Budget
 ) -> list[OrbitBranch]:
     """The branches that leave others, each once, and those that leave them.
 
@@ -643,7 +647,7 @@ def side_branches(
 
     Parameters
     ----------
-    main : the branches known so far, by shooting.
+    main_branches : the branches known so far, by shooting.
     reach : values of the unknown that a branch must not leave.
     longest : periods of the excitation that a motion may take, at most.
     budget : points, branches and time that may be spent.
@@ -651,11 +655,11 @@ def side_branches(
     Returns
     -------
     list
-        The branches in the order in which they were followed, without those in ``main``.
+        The branches in the order in which they were followed, without those in ``main_branches``.
     """
     known: list[OrbitBranch] = []
     followed_at: list[float] = []
-    waiting = [leaving for branch in main for leaving in branching_points(branch, longest)]
+    waiting = [leaving for branch in main_branches for leaving in branching_points(branch, longest)]
 
     def urgency(each: BranchingPoint) -> tuple[bool, float]:
         """The smallest one first: far from the bifurcations that were followed, so that all of the range is served."""
@@ -673,12 +677,12 @@ def side_branches(
         waiting.remove(leaving)
         if is_an_end(leaving):
             continue
-        if not budget.allows_another(len(main) + len(known)):
+        if not budget.allows_another(len(main_branches) + len(known)):
             budget.not_followed += 1
             continue
         followed_at.append(leaving.event.parameter)
         share = max(FEWEST_POINTS, budget.remaining // (len(waiting) + 1))
-        for branch in _branches(leaving, [*main, *known], reach, budget, share):
+        for branch in _branches(leaving, [*main_branches, *known], reach, budget, share):
             if len(branch.points) < 2:
                 continue
             known.append(branch)
@@ -699,28 +703,29 @@ def branching_points(branch: OrbitBranch, longest: int) -> list[BranchingPoint]:
 
 
 def _branches(
-    leaving: BranchingPoint, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget, share: int
+    branching: BranchingPoint, known_branches: list[OrbitBranch], reach: tuple[float, float], budget: Budget, share: int
 ) -> list[OrbitBranch]:
     """One branch of doubled period; at a branch point those to both sides."""
-    problem, event = leaving.branch.problem, leaving.event
+    problem, event = branching.branch.problem, branching.event
     if event.kind == "period_doubling":
         switched = switch_at_period_doubling(problem, event)
         return [] if switched is None else [_follow(*switched, [], reach, budget, share)]
     started: list[OrbitBranch] = []
-    others = [branch for branch in known if branch is not leaving.branch]
-    k = next(i for i, point in enumerate(leaving.branch.points) if point is event.point)
+    others = [branch for branch in known_branches if branch is not branching.branch]
+    k = next(i for i, point in enumerate(branching.branch.points) if point is event.point)
     before, after = (
-        leaving.branch.points[max(k - 1, 0)],
-        leaving.branch.points[min(k + 1, len(leaving.branch.points) - 1)],
+        branching.branch.points[max(k - 1, 0)],
+        branching.branch.points[min(k + 1, len(branching.branch.points) - 1)],
     )
     for start in switch_at_branch_point(problem, event, after.u - before.u):
         if not coincides(start, [*others, *started]) and not budget.exhaustion():
-            started.append(_follow(problem, start, [*known, *started], reach, budget, share))
+            started.append(_follow(problem, start, [*known_branches, *started], reach, budget, share))
     return started
 
 
 def _follow(
-    problem: ForcedOrbits, start: BranchPoint, known: list[OrbitBranch], reach: tuple[float, float], budget: Budget,
+    problem: ForcedOrbits, start: BranchPoint, known_branches: list[OrbitBranch], reach: tuple[float, float],
+    budget: Budget,
     share: int,
 ) -> OrbitBranch:  # fmt: skip
     """A branch until it returns: with its halves alike again, or on a known branch."""
@@ -737,7 +742,7 @@ def _follow(
         last = unlike
         return None
 
-    ends = joining(known, leaves=True) if known else halves_alike
+    ends = joining(known_branches, from_bifurcation=True) if known_branches else halves_alike
     return walk(Branch(problem, start, *reach, Settings(most_points=most)), budget, ends, limit)
 
 

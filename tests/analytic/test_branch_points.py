@@ -227,4 +227,4 @@ def test_events_of_different_contacts_have_no_order(order):
     assert cyclic(flow_map) == {0: (0, 1), 1: (0, 1)}
     more = SimpleNamespace(signature=(*flow_map.signature, (1, 1), (1, 0)))
     assert cyclic(more) != cyclic(flow_map)
-    assert cyclic(more, without={1}) == cyclic(flow_map, without={1})
+    assert cyclic(more, excluded={1}) == cyclic(flow_map, excluded={1})

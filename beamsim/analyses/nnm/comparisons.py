@@ -203,7 +203,7 @@ def expansion_path(
         frequency_hz=frequency,
         coordinates=shape,
         initial_displacement=shape @ structure.deflection.T,
-        partner=linear.partner + 1,
+        partner=linear.coupled_mode + 1,
         harmonic=linear.harmonic,
         reach=linear.reach,
         uniform_coordinates=uniform,

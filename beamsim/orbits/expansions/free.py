@@ -59,7 +59,7 @@ class ModeExpansion:
     rest: Floats  # (n,) static shape of the structure without springs under its dead loads
     first: Floats  # (H + 1, n) cosine coefficients of q_1
     second: Floats  # (H + 1, n) of q_2
-    partner: int  # mode of the largest component of q_1 beyond the mean, from 0
+    coupled_mode: int  # mode of the largest component of q_1 beyond the mean, from 0
     harmonic: int  # and its harmonic: the nearest internal resonance that counts
     share: float  # its size against A
     pole: float = np.inf  # factor (its absolute value) of the pole of the divisors nearest to zero
