@@ -60,7 +60,7 @@ _OPENED: dict[str, FileState] = {}  # by absolute path, the state in which this 
 
 
 def state_of(status: os.stat_result) -> FileState:
-    """What changes when a file is replaced or written to."""
+    """The state of a file that changes when it is replaced or written to."""
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 

@@ -43,7 +43,7 @@ _KINDS = {float: "f", int: "iu", bool: "b", str: "O"}  # of NumPy, by the type o
 
 
 class Described:
-    """What attributes say of the values that are with them."""
+    """Values with attributes: unit, meaning and missing values."""
 
     attributes: Mapping[str, Any]
 

@@ -62,7 +62,7 @@ def most_processors(workers: int | None, scheduler: str | Cluster | None) -> int
 
 @dataclass(frozen=True)
 class Computation(Generic[Item, Result]):
-    """What is computed of items, by whichever worker, and what an item gives that failed twice.
+    """The function that workers apply to items, and the result of an item that failed twice.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ class Workers(ABC):
 def _next_tasks(
     capacity: int, running: Sequence[_Task[Item]], waiting: Iterator[_Task[Item]], retries: deque[_Task[Item]]
 ) -> list[_Task[Item]]:
-    """What a worker is sent that is busy with some tasks: one that waits to be tried again, alone, or new ones."""
+    """Tasks to send to a worker with some running tasks: one task to retry, alone, or new ones."""
     if any(task.attempt > 1 for task in running) or (retries and running):
         return []
     if retries:
@@ -217,7 +217,7 @@ def worker_pool(
     computation: Computation[Item, Result], most: int, *,
     workers: int | None = 1, scheduler: str | Cluster | None = None,
 ) -> Iterator[Callable[[Iterable[Item]], Iterator[Result]]]:  # fmt: skip
-    """Who computes items for all of a block: this process, several others, or a cluster.
+    """Workers for the duration of a block: this process, several others, or a cluster.
 
     An item that raises an unexpected error, or whose worker ends, is tried once more; then its result is that of
     ``computation.failed``.

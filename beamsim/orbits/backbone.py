@@ -168,7 +168,7 @@ class Backbone:
         return dominated
 
     def _fill_in(self, a: BranchPoint, points: list[BranchPoint]) -> Iterator[BranchPoint]:
-        """The points after a; where few steps would make the curve coarse, others between those that no jump parts."""
+        """The points after a, with intermediate points where the curve would be coarse, but none across jumps."""
         jumped = {jump.start for jump in self.jumps}
         for before, point in pairwise([a, *points]):
             if before.parameter not in jumped:
@@ -258,7 +258,7 @@ class Backbone:
         yield next(self._guesses(value))
 
     def _solve(self, guesses: Iterable[Floats], value: float, largest_distance: float) -> Iterator[BranchPoint]:
-        """Motions at a parameter, dominated by the mode, that guesses lead to."""
+        """Motions at a parameter, dominated by the mode, to which Newton's method converges from guesses."""
         settings = self.settings if largest_distance <= FURTHEST else replace(self.settings, iterations=12)
         for guess in guesses:
             if not self.orbits.split(np.append(guess[:-1], value))[1] > 0:  # a period extrapolated too far
@@ -295,7 +295,7 @@ class Backbone:
             yield self.orbits.unknowns(still + away, period, value)
 
     def _restart_beyond(self, a: BranchPoint, full_step: float) -> BranchPoint | None:
-        """Begin again beyond the resonance that cuts the backbone after a, and trace its tongue.
+        """Restart the backbone beyond the resonance that interrupts it after a, and trace its tongue.
 
         The motion may lie beyond the end of the path, so that where the path ends does not decide whether there is one.
         """

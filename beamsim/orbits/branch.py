@@ -83,7 +83,7 @@ class Orbit:
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """Where a branch changes."""
+    """A point at which a branch changes: a fold, a bifurcation or a grazing."""
 
     kind: SpecialKind
     parameter: float
@@ -143,7 +143,7 @@ def with_failed_searches(outcome: Outcome, failed: Sequence[FailedSearch]) -> Ou
 
 @dataclass(frozen=True)
 class OrbitBranch:
-    """A branch as it was followed."""
+    """A computed branch of periodic motions."""
 
     problem: Any  # the continuation problem; its ``orbit(point)`` is the motion of a point
     points: Sequence[BranchPoint]

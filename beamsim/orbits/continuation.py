@@ -439,7 +439,7 @@ class BranchStep(Generic[ProblemT_co]):
 
 
 def _chord_error(a: BranchPoint, b: BranchPoint) -> float:
-    """How far the chord from a to b is from any sum of a step along a's tangent and one along b's, against itself.
+    """Relative distance of the chord from a to b from the plane of the two tangents.
 
     A smooth branch, and one with a corner in between, keeps to such sums; a step onto another branch does not.
     """

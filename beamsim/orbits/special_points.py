@@ -232,7 +232,7 @@ def _turning(mu: Complexes) -> Complexes:
 
 
 def _vanishes(step: BranchStep[OrbitProblem], test_numbers: Callable[[Complexes], Complexes]) -> BranchPoint | None:
-    """Where the product of such numbers vanishes, against that at the left: those of many modes underflow."""
+    """The point at which the product of the test numbers vanishes, relative to its value at the left end."""
 
     def logarithm(point: BranchPoint) -> complex:
         with np.errstate(divide="ignore"):
@@ -349,7 +349,7 @@ def _size_of_complex(mu: Complexes, number: int) -> float:
 
 
 def _outside_unit_circle(mu: Complexes, number: int) -> float:
-    """How far the real negative multiplier of a number, by size from 0 on, is outside the unit circle; -1 of none."""
+    """Distance outside the unit circle of a real negative multiplier, numbered by size from 0; -1 if there is none."""
     size = np.sort(np.abs(mu[~_complex(mu) & (mu.real < 0.0)]))[::-1]
     return float(size[number]) - 1.0 if size.size > number else -1.0
 

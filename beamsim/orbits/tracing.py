@@ -197,7 +197,7 @@ class Budget:
         return False
 
     def cut(self, outcome: Outcome) -> None:
-        """Keep the setting behind the end of a branch."""
+        """Record the setting that ended a branch."""
         if "limit" in outcome.numbers:
             self.settings_hit.add(str(outcome.numbers["limit"]))
 

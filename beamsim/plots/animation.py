@@ -24,7 +24,7 @@ from beamsim.structures.places import Place, ends_of
 from beamsim.typing import Bools, Floats
 
 MILLISECONDS = 40  # of a frame
-NOTABLE = 0.05  # of the largest deflection, that frames may miss without a word
+NOTABLE = 0.05  # share of the largest deflection between frames above which a note is shown
 _SIDES = {"below": -1.0, "above": 1.0, "approach": 1.0, "separation": 0.0}  # of the face from the first place; a cable
 _MOUNT = 0.2  # rows, from the farthest face to what holds it
 
@@ -221,7 +221,7 @@ def _canvas(scene: Scene) -> tuple[Any, Callable[[int], None]]:
 
 
 def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
-    """Draw what does not move; returns what gives the rest its places in a frame."""
+    """Draw the fixed parts; returns a function that updates the moving parts for a frame."""
     left, right, low, high = scene.limits
     ax.set(xlim=(left, right), ylim=(low, high), yticks=[])
     ax.spines[["top", "right", "left"]].set_visible(False)

@@ -163,7 +163,7 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
 
 
 def _carries(sketch: Sketch, excitation: Any, name: str) -> bool:
-    """Whether a support that moves carries a stop along."""
+    """Whether a stop is mounted on a moving support."""
     on, default = getattr(sketch.scenario.located_snubber(name).item, "mounted_on", None), sketch.scenario.default_body
     support = excitation.applied_to
     if not isinstance(on, SupportMounting) or support.joint:
@@ -172,7 +172,7 @@ def _carries(sketch: Sketch, excitation: Any, name: str) -> bool:
 
 
 def _level_text(excitation: Any) -> str:
-    """The level of what has one alone, else its kind."""
+    """The level of an excitation with a single level, else its kind."""
     levels = [amplitude_text(excitation, level) for _, level in excitation.levels()]
     return levels[0] if len(levels) == 1 else str(excitation.kind).replace("_", " ")
 

@@ -106,7 +106,7 @@ def histories(
 
 
 def _faces(result: RunResult) -> Iterator[Guide]:
-    """Where each stop on the base that is at the place of a drawn probe touches the body."""
+    """Displacements at which stops on the base, at the place of a drawn probe, touch the body."""
     scenario, stops = result.scenario, stops_of(result)
     places = [site_in(scenario, probe) for probe in scenario.effective_probes[:MOST_CURVES]]
     for located in scenario.located_snubbers:
@@ -330,7 +330,7 @@ def shock_response(srs: Dataset, note: str) -> Chart:
 
 
 def matched_spectrum(matched: Dataset) -> Chart:
-    """The shock response spectrum of a record that was made, over the one that was asked for."""
+    """The shock response spectrum of a matched record over the requested spectrum."""
     misfit, pale = misfit_of_matched(matched), {"color": PALE, "linewidth": 4.0, "linestyle": "-", "zorder": 1}
     frequency = matched["frequency_hz"].values
     curves = [Curve("record", frequency, matched["reached"].values)]
@@ -735,7 +735,7 @@ def _shock_figures(result: RunResult) -> dict[str, Picture]:
 
 
 def _matched_figures(result: RunResult) -> dict[str, Picture]:
-    """That of a record which was made for a spectrum."""
+    """The picture of a record matched to a spectrum, if there is one."""
     return {"matched_spectrum": Picture(result.title, [matched_spectrum(result["matched"])])}
 
 

@@ -241,14 +241,14 @@ def plot_sensitivity(result: StudyResult, ax: Axes, name: str) -> None:
 
 
 def _importance(entry: Mapping[str, Any]) -> float:
-    """What ranks a parameter among those of a response."""
+    """Importance of a parameter for a response, by which parameters are ranked."""
     if "largest" in entry:
         return float(entry["largest"] - entry["smallest"])
     return abs(float(entry["total_order"] if "total_order" in entry else entry["rank_correlation"]))
 
 
 def histogram(result: StudyResult, name: str, values: Floats, statistics: Mapping[str, Any]) -> Chart:
-    """How many cases have which value, a colour for each population, with the limit and the quantiles that are known.
+    """Histogram of a response, one colour for each population, with its limit and known quantiles.
 
     Parameters
     ----------
