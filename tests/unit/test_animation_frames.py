@@ -136,5 +136,5 @@ def test_a_contact_is_drawn_with_the_supports_where_they_are():
             "probes": [{"name": "middle", "at": {"body": "pipe", "position": 0.45}}], "run": PIPE["run"]}  # fmt: skip
     result = beamsim.run(load_scenario(case))
     shape = result["contact"]["deflection"].values
-    part = next(each.stations for each in Stations.of_modes(result["modes"]).parts if each.body == "pipe")
+    part = next(each.stations for each in Stations.of_modes(result["modes"]).bodies if each.body == "pipe")
     assert shape[part][[0, -1]] == pytest.approx(ends_of_pipe(result["contact"]["time"].values), abs=1e-9)

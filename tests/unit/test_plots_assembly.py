@@ -126,6 +126,6 @@ def test_a_body_with_nodes_alone_has_its_pictures(tmp_path):
         "probes": [{"name": "end", "at": {"node": 3}}],
     }  # fmt: skip
     result = beamsim.run(load_scenario(case))
-    assert Stations.of_modes(result["modes"]).parts[0].body == "m"
+    assert Stations.of_modes(result["modes"]).bodies[0].body == "m"
     files = save_figures(run_figures(result), tmp_path, "m")
     assert {path.name for path in files} >= {"m_displacement.png", "m_spectrum.png"}
