@@ -46,12 +46,12 @@ def test_contact_is_slow_and_its_peak_is_shown(result):
     frames = frames_of_run(result)
     assert frames.force["tip"].max() == pytest.approx(result.summary["peak_force_n"]["tip"], rel=1e-4)
     steps = np.diff(frames.time)
-    both = frames.slow[1:] & frames.slow[:-1]
-    neither = ~frames.slow[1:] & ~frames.slow[:-1]
+    both = frames.in_slow_motion[1:] & frames.in_slow_motion[:-1]
+    neither = ~frames.in_slow_motion[1:] & ~frames.in_slow_motion[:-1]
     assert both.any()
     assert np.median(steps[neither]) == pytest.approx(6.0 * np.median(steps[both]), rel=0.05)
     closed = frames.force["tip"] > 0.0
-    assert frames.slow[closed].mean() > 0.9
+    assert frames.in_slow_motion[closed].mean() > 0.9
 
 
 def test_a_stop_that_presses_is_drawn_at_the_body(result):
