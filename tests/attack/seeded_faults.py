@@ -103,7 +103,7 @@ OF_PLACES = {
     ),
     "tables reach beyond their body": (
         "beamsim/scenario/distributed.py",
-        "yield from body.position_problems_of_side(where, (*at, key, index), position, axis)",
+        "yield from body.position_problems_of_side(body_path, (*path, key, index), position, axis)",
         "pass",
     ),
     "values are along the first side": (PARAMETERS, "int(second and len(body.sides) > 1)", "0"),
@@ -130,8 +130,8 @@ OF_PLACES = {
     ),
     "shapes are compared at shares of a metre": (
         "beamsim/analyses/identify/analysis.py",
-        "tuple(map(body.metres, given.positions))",
-        "tuple(getattr(p, 'value', p) for p in given.positions)",
+        "tuple(map(body.metres, measured.positions))",
+        "tuple(getattr(p, 'value', p) for p in measured.positions)",
     ),
 }
 """The same in what resolves places."""
