@@ -50,9 +50,8 @@ class Frames:
     ends: Mapping[str, Floats]  # by stop (nf, 1 or 2) m, deflection of the places that it acts on
     force: Mapping[str, Floats]  # by stop (nf,) N, positive when it pushes
     opening: Mapping[str, Floats]  # by stop (nf,) m, distance to its face as it is then; 0 while it touches or is held
-    difference_between: float = (
-        0.0  # largest difference between frames from a cubic through them, over the largest deflection
-    )
+    # largest difference between frames from a cubic through them, over the largest deflection
+    difference_between: float = 0.0
 
 
 def between_frames(times: Floats) -> Floats:

@@ -130,7 +130,7 @@ def test_springs_to_the_ground_are_refused(tmp_path):
         **at_tip({"body": "second", "position": 0.4}),
         **SHAKEN,
     }
-    with pytest.raises(ScenarioError, match="springs to the ground hold the structure"):
+    with pytest.raises(ScenarioError, match="springs to the ground connect the structure to a fixed point"):
         write_export(load_scenario(built), tmp_path / "it.op4")
 
 

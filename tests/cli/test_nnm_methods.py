@@ -151,7 +151,7 @@ def test_jumps_that_nothing_explains(compared):
         ([config_path("one_sided_65hz")], "one_sided_65hz.yaml: nnm is missing; add for example"),
         ([FIRST, "--set", "nnm.mode=40"], "choose a lower mode, or raise reduction.modes"),
         ([ENERGY, "--compare", "relaxed_minimisation"], "nnm_energy.yaml:17: nnm.continue_in.kind = energy, but "
-         "relaxed_minimisation goes in"),
+         "relaxed_minimisation needs the stiffness factor"),
         ([FIRST, "--set", "nnm.method=multiple_scales", "--compare", "relaxed_minimisation"], "use method: shooting"),
         (
             [ENERGY, "--set", "nnm.continue_in={kind: frequency, from: 300 Hz, to: 310 Hz}"],

@@ -200,7 +200,7 @@ def test_a_wrong_model_is_told_from_noise(released):
     ("keys", "change", "says"),
     [
         ({"begin": "100 s"}, {}, "has 0 samples after begin = 100 s"),
-        ({}, {"of_frequency": True}, "is a spectrum"),
+        ({}, {"is_over_frequency": True}, "is a spectrum"),
         ({}, {"y": np.ones(460)}, "does not change"),
         ({}, {"y": np.full(460, np.nan)}, "not numbers"),
     ],

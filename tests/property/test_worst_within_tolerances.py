@@ -73,7 +73,7 @@ def grid_worst(scenario, asked, points):
     """The worst of a grid of deviations, of as many points for each number, or for all of them."""
     plan = plan_designs(scenario)
     realisations, worst = plan.study.realisations, -np.inf
-    numbers = [each.number for each in realisations.parameters]
+    numbers = [each.parameter for each in realisations.parameters]
     counts = [points] * len(numbers) if isinstance(points, int) else points
     for deviations in product(*(np.linspace(-1.0, 1.0, count) for count in counts)):
         values = realisations.values(plan.study.case, deviations)

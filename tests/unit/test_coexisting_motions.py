@@ -48,7 +48,7 @@ def test_two_motions_between_the_folds(result):
     (several,) = of_branches(result, folded(result)).coexisting()
     assert (several.low, several.high) == pytest.approx((70.0, 90.0), abs=0.3)  # a step of the branch
     # at 80 Hz: 20/30 on the way to the first fold, 10/40 after the second
-    shares = 1e-3 * np.array([(several.at - 60.0) / 30.0, 2.0 + (several.at - 70.0) / 40.0])
+    shares = 1e-3 * np.array([(several.parameter - 60.0) / 30.0, 2.0 + (several.parameter - 70.0) / 40.0])
     assert several.peaks == pytest.approx(shares, rel=1e-3)
 
 

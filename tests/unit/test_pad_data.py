@@ -184,7 +184,8 @@ def test_a_curve_with_an_offset_is_refused(tmp_path, shift, preload, says):
         assert pad(KnownPad(curve=file)).stiffness == pytest.approx(64100.0)
         assert [curves_of(stop)[0].stiffness for stop in stops] == pytest.approx([64100.0, 64100.0])
         return
-    refused = f"has an offset: {says}; subtract from the column .* a real free travel is the gap"
+    remedy = "subtract the reading at the beginning of contact from the column .* a real free travel is the gap"
+    refused = f"has an offset: {says}; {remedy}"
     with pytest.raises(ScenarioError, match=f"--curve = .*curve.csv {refused}"):
         pad(KnownPad(curve=file))
     for stop in stops:

@@ -252,7 +252,7 @@ def test_an_acceleration_from_the_last_digit_of_a_displacement_is_warned_of(tmp_
     if step:
         assert resolution(rounded.y) == pytest.approx(step, rel=1e-3)
     noise = np.std(CubicSpline(t, rounded.y - d)(t, 2))
-    stated = float(text.split("alone makes ")[1].split()[0])
+    stated = float(text.split("alone gives ")[1].split()[0])
     assert stated == pytest.approx(noise, rel=0.1 if step == 1e-6 else 0.5)  # coarse steps are no white noise
 
 

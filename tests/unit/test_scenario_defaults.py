@@ -201,8 +201,8 @@ def test_bare_levels_follow_quantity_and_place():
             "excitation={kind: half_sine, applied_to: base, level: 1 g, duration: 0.1 ms}",
             "fewer than 10 samples into the pulse",
         ),
-        ("constant_forces=[{position: 0, force: 1 N}]", "constant_forces[0] sits on a support"),
-        ("probes=[{name: root, position: 0}]", "probes[0] sits on a support"),
+        ("constant_forces=[{position: 0, force: 1 N}]", "constant_forces[0] is at a support"),
+        ("probes=[{name: root, position: 0}]", "probes[0] is at a support"),
         ("reduction={highest_frequency: 20 Hz}", "the modes it excites are omitted"),
     ],
 )

@@ -99,7 +99,7 @@ def test_anchors_aliases_and_merge_keys():
         ("a: 'open\n", "is not YAML"),
         ("a: b: c\n", "case.yaml:1: is not YAML"),
         ("a: [1\nb: 2\n", "is the [ of line 1 closed"),
-        ("a: {b: 1 c: 2}\n", "is the { of line 1 closed, with a comma between"),
+        ("a: {b: 1 c: 2}\n", "is the { of line 1 closed, with commas between its items?"),
         (
             "length 8  # no colon\nwidth: 4\n",
             "; line 1 has no colon between key and value",

@@ -70,7 +70,7 @@ def no_grace(monkeypatch):
     from beamsim.analyses.run import motion
     from beamsim.responses import histories
 
-    for name, value in {"GRACE_S": -1.0, "KEPT_S": -1.0, "FEWEST_SEGMENTS": 8}.items():
+    for name, value in {"GRACE_S": -1.0, "BEGINNING_S": -1.0, "FEWEST_SEGMENTS": 8}.items():
         monkeypatch.setattr(motion, name, value)
     for name, value in {"FEWEST_SAMPLES": 10, "VALUES_AT_ONCE": 20_000}.items():
         monkeypatch.setattr(histories, name, value)

@@ -564,7 +564,7 @@ class ChunkValues:
         return energies, found, low
 
     def computed_of_beginning(self, chunk: Trajectory) -> tuple[Trajectory, Computed]:
-        """Part of the next chunk that can be evaluated in `KEPT_S`, and its values."""
+        """Part of the next chunk that can be evaluated in `BEGINNING_S`, and its values."""
         begin, segments = processor_time(), FEWEST_SEGMENTS
         while True:
             part = chunk.select(slice(0, segments))

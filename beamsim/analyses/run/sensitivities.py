@@ -210,18 +210,14 @@ def _competition_notes(noted: Sequence[tuple[VariedParameter, Contenders, Compet
 def _derivative_unit(unit: str, number_unit: str) -> str:
     """Unit of a derivative.
 
-    >>> _per("N", "N/m"), _per("m", "m"), _per("m", "1"), _per("1", "kg")
-    ('N/(N/m)', '1', 'm', '1/kg')
+    >>> _derivative_unit("N", "N/m"), _derivative_unit("m", "m"), _derivative_unit("m", "1")
+    ('N/(N/m)', '1', 'm')
     """
     if unit == number_unit:
         return "1"
-    return (
-        unit
-        if number_unit == "1"
-        else f"{unit}/({number_unit})"
-        if set(number_unit) & set("/ ")
-        else f"{unit}/{number_unit}"
-    )
+    if number_unit == "1":
+        return unit
+    return f"{unit}/({number_unit})" if set(number_unit) & set("/ ") else f"{unit}/{number_unit}"
 
 
 def _reaches_of_number(
