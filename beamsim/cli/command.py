@@ -95,13 +95,9 @@ def compute_and_save(
 
 
 def plot_and_print(
-    kind: str,
-    result: Result,
-    target: Path,
-    options: CommandOptions,
-    interrupted: Interruption,
+    kind: str, result: Result, target: Path, options: CommandOptions, interrupted: Interruption,
     others: Iterable[Path] = (),
-) -> None:
+) -> None:  # fmt: skip
     """Plot and print a written result, and raise an error for the exit code of its outcome.
 
     Parameters

@@ -60,11 +60,8 @@ class Screen:
         verdict, *statements = self.status(result)
         asked = [text for text in result.warnings if QUESTION_END in text]
         lines = ["  ".join(filter(None, (result.title or files[0], verdict))), *statements]
-        lines += [
-            *textwrap.wrap(interpretation_text(result), WIDTH),
-            *(f"warning: {text}" for text in asked),
-            *self.body(),
-        ]
+        lines += textwrap.wrap(interpretation_text(result), WIDTH)
+        lines += [*(f"warning: {text}" for text in asked), *self.body()]
         more = len(result.warnings) - len(asked)
         notes = f"{count_text(more, 'note')} (-v shows them); " if more else ""
         pictures = [name for name in files[1:] if name.endswith(".png")]

@@ -255,9 +255,8 @@ class Contacts:
 
     def presses(self, phases: Ints) -> bool:
         """Whether the force of one contact depends on that of another in these phases."""
-        return bool(
-            self.arrays.dissipative_force[self.pressed_contacts, phases[self.pressed_contacts], NORMAL_FORCE].any()
-        )
+        pressed = self.pressed_contacts
+        return bool(self.arrays.dissipative_force[pressed, phases[pressed], NORMAL_FORCE].any())
 
     def closed(self, phases: Ints) -> Bools:
         """(..., m) whether each contact is closed, for phases (..., m)."""

@@ -263,11 +263,8 @@ class ContactLaw:
         r, guards = self.internal_states, [phase.guards for phase in self.phases]
         a = LawArrays.zeros((len(guards),), max(map(len, guards)), r)
         for k, phase in enumerate(self.phases):
-            a.closed[k], a.sticks_rigidly[k], a.sliding_direction[k] = (
-                phase.closed,
-                phase.sticks_rigidly,
-                phase.sliding_direction,
-            )
+            a.closed[k], a.sticks_rigidly[k] = phase.closed, phase.sticks_rigidly
+            a.sliding_direction[k] = phase.sliding_direction
             for spring in phase.springs:
                 extension = spring.extension.array(r)
                 a.energy[k] += spring.stiffness * np.outer(extension, extension)

@@ -592,9 +592,8 @@ def _undamped_modes(
     else:
         # singular values of a factor: eigenvalues of K would have errors of the order of the highest one in the lowest
         springs = np.sqrt(k)[:, None] * phi
-        extended, omega, turned = np.linalg.svd(
-            np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held, full_matrices=False
-        )
+        factor = np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held
+        extended, omega, turned = np.linalg.svd(factor, full_matrices=False)
         omega2, psi = omega[::-1] ** 2, turned[::-1].T
         # the springs' extensions too: in a low mode that of a stiff spring is below the round-off of phi @ psi
         extension = phi @ held @ psi

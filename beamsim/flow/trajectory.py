@@ -298,13 +298,9 @@ class Trajectory:
         return Extrema(unit * low, when_low, unit * high, when_high, found.evaluations)
 
     def sums(
-        self,
-        output_of: RowsOf,
-        searched: Bools,
-        edges: Floats | None = None,
-        scale: float = 1.0,
+        self, output_of: RowsOf, searched: Bools, edges: Floats | None = None, scale: float = 1.0,
         gain: Callable[[ContactState], Complexes] | None = None,
-    ) -> Iterator[tuple[Ints, Sums]]:
+    ) -> Iterator[tuple[Ints, Sums]]:  # fmt: skip
         """Outputs on segments as the search for extremes takes them, in seconds.
 
         Parameters

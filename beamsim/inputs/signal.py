@@ -363,9 +363,7 @@ class Sources:
     def derivatives_at_start(self) -> Complexes:
         """(`ORDERS`, F) derivatives of each source with unit amplitude at the start of its piece, from order 0 on."""
         factorial = np.cumprod(np.maximum(np.arange(ORDERS), 1.0))
-        rest = (
-            np.arange(ORDERS)[:, None] - self.power
-        )  # the remaining term is the one whose power is differentiated to a constant
+        rest = np.arange(ORDERS)[:, None] - self.power  # what is left is the power that became a constant
         scale = factorial[:, None] / factorial[np.maximum(rest, 0)]
         return np.asarray(np.where(rest >= 0, scale * self.exponent ** np.maximum(rest, 0), 0.0))
 

@@ -391,10 +391,8 @@ class _UnionMembers:
         """Tag of the union member that a raw value or section belongs to; None if it belongs to none."""
         if isinstance(value, Schema):
             return next((tag for tag, schema in self.sections.items() if isinstance(value, schema)), None)
-        sections, usual = (
-            self.sections,
-            [tag for tag, schema in self.sections.items() if not schema.distinguishing_keys],
-        )
+        sections = self.sections
+        usual = [tag for tag, schema in sections.items() if not schema.distinguishing_keys]
         if isinstance(value, dict) and sections:
             if self.has_kinds:
                 usual = [tag for tag, kinds in self.kinds.items() if value.get("kind") in kinds]

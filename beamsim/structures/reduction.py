@@ -107,15 +107,9 @@ def _reduced_substructures(
 
 
 def reduce_model(
-    model: Structure,
-    patterns: Sequence[LoadPattern] = (),
-    *,
-    count: int | None = None,
-    highest_frequency: float | None = None,
-    default_reduction: bool = False,
-    least_modes: int = 0,
-    mode: int = 0,
-) -> ReducedBasis:
+    model: Structure, patterns: Sequence[LoadPattern] = (), *, count: int | None = None,
+    highest_frequency: float | None = None, default_reduction: bool = False, least_modes: int = 0, mode: int = 0,
+) -> ReducedBasis:  # fmt: skip
     """Reduce a model to its lowest modes and the static vectors of load patterns.
 
     Parameters

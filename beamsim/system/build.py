@@ -78,9 +78,8 @@ def sine_loads(model: ReducedModel, forcing: Forcing) -> SineLoads | None:
         (_phasor(force) if several else 1.0, 0) for _, force in model.acting_loads.forces
     ]
     for moved in model.moving_supports:
-        amplitude, power = (
-            (_phasor(moved.excitation), power_of(moved.excitation.quantity)) if several else (complex(1.0), 0)
-        )
+        amplitude = _phasor(moved.excitation) if several else complex(1.0)
+        power = power_of(moved.excitation.quantity) if several else 0
         terms += [(amplitude, power), (amplitude, power - 1), (amplitude, power - 2)]
     if not terms:  # base motion: its acceleration, and its displacement if there are springs to the ground
         terms = [(complex(1.0), power) for power in (0, -2)[: len(forcing.signal)]]
@@ -127,9 +126,8 @@ def time_dependent_loads(model: ReducedModel, static_loads: _StaticLoads) -> Tim
         if model.structure.base_load(model.base)[1].any():  # springs to the ground extend with the base's displacement
             loads.append((ground, motion.displacement))
     load = np.array([vector for vector, _ in loads]).reshape(len(loads), model.basis.size)
-    on_ground = static_loads.contacts.on_ground.any() or (
-        static_loads.cubic and static_loads.cubic.base_influence.any()
-    )
+    cubic = static_loads.cubic
+    on_ground = static_loads.contacts.on_ground.any() or (cubic and cubic.base_influence.any())
     displacement = motion.displacement if motion is not None and on_ground else None
     mountings = (getattr(snubber, "mounted_on", None) for snubber in model.scenario.all_snubbers)
     moved_mountings = model.acting_loads.stops or any(isinstance(on, SupportMounting) for on in mountings)
@@ -313,12 +311,9 @@ def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool 
     if model.moving_supports:
         _check_places_on_supports(model)
     free = _check_couplings(model, static_loads) if model.structure.couplings else []
-    loads = np.array(
-        [
-            *(force.force * model.shape(force) for force in scenario.constant_forces),
-            *(acceleration * model.base_load(direction)[0] for direction, acceleration in gravity_loads(scenario)),
-        ]
-    ).reshape(-1, model.basis.size)  # N/sqrt(kg)
+    forces = [force.force * model.shape(force) for force in scenario.constant_forces]
+    weights = [value * model.base_load(direction)[0] for direction, value in gravity_loads(scenario)]
+    loads = np.array(forces + weights).reshape(-1, model.basis.size)  # N/sqrt(kg)
     contacts, equilibrium, initial, warnings = _statics(model, static_loads, loads)
     motion, forcing, accounts = time_dependent_loads(model, static_loads)
     if model.moving_supports:
@@ -327,9 +322,8 @@ def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool 
         initial = np.append(initial, _relaxed_states(contacts, forcing, initial[: model.basis.size]))
     correction = None if motion is None or motion.corrections is None else CorrectionSize.of(motion.corrections)
     if correction is not None:
-        warnings += correction.warnings(
-            stepped_levels=any(has_level_steps(each) for _, each in scenario.excitation.items)
-        )
+        stepped = any(has_level_steps(each) for _, each in scenario.excitation.items)
+        warnings += correction.warnings(stepped_levels=stepped)
     sites = [*model.snubber_sites, *force_sites(scenario), *(output_sites(model) if scenario.requested_outputs else ())]
     recoveries = model.recoveries(sites) if with_stations else ()
     asked = (model, recoveries, static_loads.sites, contacts, forcing)

@@ -372,9 +372,8 @@ class StateEquations:
         c, every = self.equations.contacts, np.arange(self.equations.contacts.count)
         moved = self.law[:, RATE].copy()
         if c.pressed_contacts.size:  # the spring of the slider extends
-            moved[c.pressed_contacts] -= (
-                c.pressing_extensions(self.phases)[:, None] * self.law[c.pressed_contacts, NORMAL_FORCE_RATE]
-            )
+            extended = c.pressing_extensions(self.phases)[:, None]
+            moved[c.pressed_contacts] -= extended * self.law[c.pressed_contacts, NORMAL_FORCE_RATE]
         forces = _products(c.arrays.dissipative_force[every, self.phases], self.law)
         of_states = self.lost_by_rate[c.count :, None] * self.internal_rates
         return np.vstack([forces, of_states]), np.vstack([moved, self.internal_rates])

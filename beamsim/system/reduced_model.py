@@ -389,11 +389,9 @@ def build_reduced_model(
 
 
 def _patterns(
-    structure: Structure,
-    sites: Sequence[LoadSite],
-    gravity: Sequence[BaseDirection],
+    structure: Structure, sites: Sequence[LoadSite], gravity: Sequence[BaseDirection],
     moving_supports: Sequence[MovingSupport],
-) -> list[LoadPattern]:
+) -> list[LoadPattern]:  # fmt: skip
     """The loads whose static deflections a reduced model includes."""
     patterns = [LoadPattern(structure.row(site), site) for site in structure.loaded_sites(sites)]
     springs = [*structure.couplings, *(each for member in structure.members for each in member.body.end_springs)]

@@ -593,11 +593,8 @@ def damping_remarks(snubbers: Sequence[LocatedItem], modes: Dataset) -> list[str
         return []
     hz, ratio = frequencies[closed[0]], float(modes["closed_damping_ratios"].values[closed[0]])
     written = {s.name: s.damping.ratio for _, _, s, _ in snubbers if s.damping and s.damping.kind == "ratio"}
-    other = {
-        name: x
-        for name, x in written.items()
-        if x > 0.0 and not 1.0 / DISTINCT_RATIO_FACTOR < ratio / x < DISTINCT_RATIO_FACTOR
-    }
+    low, high = ratio / DISTINCT_RATIO_FACTOR, ratio * DISTINCT_RATIO_FACTOR
+    other = {name: x for name, x in written.items() if x > 0.0 and not low < x < high}
     return [_damped_otherwise(hz, ratio, other)] if other else []
 
 

@@ -258,13 +258,9 @@ def output_times(scenario: Scenario) -> Floats:
 
 
 def motion_in_chunks(
-    system: StructuralSystem,
-    settings: Run,
-    *,
-    most_events: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] = never,
-) -> tuple[MotionInChunks, str]:
+    system: StructuralSystem, settings: Run, *, most_events: int | None = None,
+    progress: Callable[[float], None] | None = None, stop: Callable[[], bool] = never,
+) -> tuple[MotionInChunks, str]:  # fmt: skip
     """Prepare the motion of a run for marching, with the setting that limits its events.
 
     It is one chunk if the memory has room for its input and for the motion between the input's pieces.
@@ -351,13 +347,9 @@ def _refuse_whole_motion_settings(system: StructuralSystem, settings: Run) -> No
 
 
 def exact_motion_of(
-    system: StructuralSystem,
-    settings: Run,
-    times: Floats,
-    progress: Callable[[float], None] | None,
-    stop: Callable[[], bool],
-    needed: Needed = EVERYTHING,
-) -> RunMotion:
+    system: StructuralSystem, settings: Run, times: Floats, progress: Callable[[float], None] | None,
+    stop: Callable[[], bool], needed: Needed = EVERYTHING,
+) -> RunMotion:  # fmt: skip
     """March and evaluate the motion in closed form, in one pass.
 
     Parameters
@@ -381,10 +373,9 @@ def exact_motion_of(
     flow, latest = march.flow, None if march.one_chunk else _LatestPart.of(march, system, settings)
     sampled = needed.derived and (needed.entries is None or needed.statistics)
     shares = TIME_SHARES[system.scenario.excitation.stationary]
-    extremes, samples = (
-        part_of(progress if march.one_chunk else None, shares.march, shares.extremes if sampled else 1.0),
-        part_of(progress if march.one_chunk else None, shares.extremes, shares.histories),
-    )
+    shown = progress if march.one_chunk else None
+    extremes = part_of(shown, shares.march, shares.extremes if sampled else 1.0)
+    samples = part_of(shown, shares.extremes, shares.histories)
     channels = system.channels.without(STRESS)
     recorder = HistoryRecorder(flow, channels, times, GracePeriod(stop), samples) if sampled else None
     impacts, stresses, plates = (
