@@ -5,7 +5,7 @@ variables.
 Files are written completely or not at all. ``/summary`` has no datasets, only attributes under the names of the
 summary. Numbers and texts are native attributes; everything else (per-probe values, lists, truth values, nothing) is a
 JSON text, and the attribute ``json_encoded`` lists the names of those, separated by spaces. A NaN is ``null`` in JSON:
-inside a list or an object read it back as NaN.
+inside a list or an object read it back as NaN. Infinite numbers there are the texts ``Infinity`` and ``-Infinity``.
 """
 
 from __future__ import annotations
@@ -247,7 +247,7 @@ def encode_summary(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Summary as attributes, see the module's docstring."""
     text_or_number = (str, int, float, np.integer, np.floating)
     encoded = [name for name, each in summary.items() if isinstance(each, bool) or not isinstance(each, text_or_number)]
-    texts = {name: _json(summary[name]) for name in encoded}
+    texts = {name: _json(_text_for_infinity(summary[name])) for name in encoded}
     return {**summary, **texts, JSON_ENCODED: " ".join(encoded)}
 
 
@@ -258,17 +258,32 @@ def decode_summary(attributes: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in attributes.items():
         if name in encoded:
             decoded = json.loads(value)
-            summary[name] = _nan_for_null(decoded) if isinstance(decoded, (dict, list)) else decoded
+            summary[name] = _with_all_numbers(decoded) if isinstance(decoded, (dict, list)) else decoded
         elif name != JSON_ENCODED:
             summary[name] = value.item() if isinstance(value, np.generic) else value
     return summary
 
 
-def _nan_for_null(value: Any) -> Any:
+INFINITIES = {"Infinity": math.inf, "-Infinity": -math.inf}  # which JSON does not have; null is nan
+
+
+def _text_for_infinity(value: Any) -> Any:
+    """A value of a summary in which texts stand for infinite numbers, at any depth."""
+    if isinstance(value, Mapping):
+        return {key: _text_for_infinity(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_text_for_infinity(item) for item in value]
+    return next((text for text, number in INFINITIES.items() if isinstance(value, float) and value == number), value)
+
+
+def _with_all_numbers(value: Any) -> Any:
+    """The value as it was before it was JSON."""
     if isinstance(value, dict):
-        return {key: _nan_for_null(item) for key, item in value.items()}
+        return {key: _with_all_numbers(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [_nan_for_null(item) for item in value]
+        return [_with_all_numbers(item) for item in value]
+    if isinstance(value, str):
+        return INFINITIES.get(value, value)
     return math.nan if value is None else value
 
 

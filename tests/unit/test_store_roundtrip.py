@@ -4,6 +4,7 @@ import dataclasses
 import os
 
 import h5py
+import numpy as np
 import pytest
 
 from beamsim.errors import ResultFileError
@@ -35,6 +36,17 @@ def test_a_result_that_was_read_is_one_like_any_other(fabricated_run, tmp_path):
     assert (replaced.title, replaced.scenario, replaced.beamsim_version) == (made.title, read.scenario, "0.1.0")
     again = load(write_result(replaced, tmp_path / "again.h5"))
     assert (again.title, again.beamsim_version, again.wall_time_s) == (made.title, "0.1.0", 2.0)
+
+
+def test_infinite_and_unknown_numbers_of_a_summary_come_back(fabricated_run, tmp_path):
+    numbers = {"tip": np.inf, "root": np.nan, "middle": 1.0, "end": -np.inf}
+    made = fabricated_run()
+    made = dataclasses.replace(made, summary=made.summary | {"gapping_ratio": numbers})
+    path = write_result(made, tmp_path / "case.h5")
+    read = load(path).summary["gapping_ratio"]
+    np.testing.assert_array_equal(list(read.values()), list(numbers.values()))
+    with h5py.File(path) as file:  # standard JSON
+        assert '"Infinity"' in file["summary"].attrs["gapping_ratio"]
 
 
 def test_a_scenario_of_another_version_is_told_with_its_writer(fabricated_run, tmp_path):
