@@ -74,9 +74,8 @@ def sine_loads(model: ReducedModel, forcing: Forcing) -> SineLoads | None:
     if excitation.kind == "none" or any(sine_problems(excitation, "sweep")) or forcing.influence is not None:
         return None
     several = excitation.kind == "forces"
-    terms: list[tuple[complex, int]] = [
-        (_phasor(force) if several else 1.0, 0) for _, force in model.acting_loads.forces
-    ]
+    forces = [force for _, force in model.acting_loads.forces]
+    terms: list[tuple[complex, int]] = [(_phasor(force) if several else 1.0, 0) for force in forces]
     for moved in model.moving_supports:
         amplitude = _phasor(moved.excitation) if several else complex(1.0)
         power = power_of(moved.excitation.quantity) if several else 0

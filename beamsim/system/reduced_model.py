@@ -434,12 +434,10 @@ def output_direction(scenario: Scenario, output: Any) -> BaseDirection:
     return _named(scenario, output.direction or ("ry" if rotates else ""), point_of(output.about))
 
 
-def _named(
-    scenario: Scenario, direction: str, axis_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> BaseDirection:
-    """A direction; without a name if it is the natural direction of every body."""
+def _named(scenario: Scenario, direction: str, point: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> BaseDirection:
+    """A direction, about a point if it is a rotation; without a name if it is the natural direction of every body."""
     default = not direction or all(body.base_directions[0] == direction for body in scenario.all_bodies.values())
-    return UPWARDS if default else BaseDirection(direction, axis_point)
+    return UPWARDS if default else BaseDirection(direction, point)
 
 
 def gravity_loads(scenario: Scenario) -> list[tuple[BaseDirection, float]]:

@@ -378,9 +378,8 @@ def exact_motion_of(
     samples = part_of(shown, shares.extremes, shares.histories)
     channels = system.channels.without(STRESS)
     recorder = HistoryRecorder(flow, channels, times, GracePeriod(stop), samples) if sampled else None
-    impacts, stresses, plates = (
-        _chunk_observers(system, settings, times, needed, stop) if needed.derived else (None, None, None)
-    )
+    derived = _chunk_observers(system, settings, times, needed, stop) if needed.derived else (None, None, None)
+    impacts, stresses, plates = derived
     states = _StateRecorder(needed.state_times) if needed.state_times.size else None
     values = ChunkValues(system, settings, flow, times, needed)
     with locating({"duration": "run.duration"}):
