@@ -75,9 +75,8 @@ class Entry(NamedTuple):
     meaning: str = ""
     section: str = ""
     of: str = ""  # the variable that it repeats, ``modes/kept_modes``; the entry is left out where there is none
-    form: Any = (
-        None  # type of the value as it is stored, `Number` by default; that of the variable where it repeats one
-    )
+    # type of the value as it is stored, `Number` by default; that of the variable where it repeats one
+    form: Any = None
     ranked_by: str = ""  # of many records: what those that are printed have most of
     shown: str = ""  # of a list: the entry with the number of its values that are printed
 

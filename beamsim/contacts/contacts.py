@@ -39,12 +39,10 @@ class Contacts:
     gap: Floats  # (m,) m; clearance positive, prestress negative
     on_ground: Bools  # (m,) whether it depends on the absolute deflection
     laws: tuple[ContactLaw, ...]  # (m,)
-    base_participation: Floats | None = (
-        None  # (m,) displacement of its place for a unit displacement d of the base; None: 1
-    )
-    pressed_by: Ints | None = (
-        None  # (m,) normal contact of each friction contact, -1 for others; None: no such contacts
-    )
+    # (m,) displacement of its place for a unit displacement d of the base; None: 1
+    base_participation: Floats | None = None
+    # (m,) normal contact of each friction contact, -1 for others; None: no such contacts
+    pressed_by: Ints | None = None
 
     # derived fields
     count: int = field(init=False)  # m

@@ -60,9 +60,8 @@ class CubicSprings:
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
-    base_participation: Floats | None = (
-        None  # (nc,) extension for a unit displacement of the base, 0 between masses; None: 1
-    )
+    # (nc,) extension for a unit displacement of the base, 0 between masses; None: 1
+    base_participation: Floats | None = None
     count: int = field(init=False)
     base_influence: Floats = field(init=False)  # (nc,) as ``ground``
 

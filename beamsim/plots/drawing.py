@@ -132,9 +132,7 @@ class Chart(NamedTuple):
     title: str = ""
     legend: str = ""  # title of the legend, where no curves are left out
     names: Mapping[str, tuple[float, float]] = {}
-    draw_extra: Callable[[Axes, Scale, Scale], Any] | None = (
-        None  # draws what is no curve; is given the scales of the axes
-    )
+    draw_extra: Callable[[Axes, Scale, Scale], Any] | None = None  # draws other things; is given the scales of the axes
 
     @property
     def drawn(self) -> list[Curve]:

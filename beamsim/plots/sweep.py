@@ -430,7 +430,7 @@ def _limited_response(result: SweepResult, curve: SweepCurve, limit: NotchLimit)
                        label="_nolegend_" if number else "governs")  # fmt: skip
 
     top = 1.25 * max(limit.limit, float(np.nanmax(peak)))
-    return _chart(result, (words, limit.unit), response, log="", levels=[level], y_ends=(0.0, top), more=shade)
+    return _chart(result, (words, limit.unit), response, log="", levels=[level], y_ends=(0.0, top), draw_extra=shade)
 
 
 def sweep_figures(result: SweepResult) -> dict[str, Picture]:

@@ -356,9 +356,8 @@ class Variants:
 
     message: str = ""
     remedy: str = ""
-    tag_function: Callable[[Any], str | None] | None = (
-        None  # function that gives the tag of a raw value or section, if the form is not enough
-    )
+    # function that gives the tag of a raw value or section, if the form is not enough
+    tag_function: Callable[[Any], str | None] | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         members = {tag_of(member): member for member in get_args(source)}

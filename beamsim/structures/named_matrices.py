@@ -49,9 +49,8 @@ class DofTable:
     """Names of the rows of matrices: row i belongs to ``dofs[i]``."""
 
     dofs: tuple[Dof, ...]
-    coordinates: Floats | None = (
-        None  # (N, 3) coordinates of each row's node, m outside the file reader; NaN if unknown
-    )
+    # (N, 3) coordinates of each row's node, m outside the file reader; NaN if unknown
+    coordinates: Floats | None = None
     systems: Ints | None = None  # (N,) system of each row in the file; 0 for the axes of the model
     to_file_systems: Any = None  # (N, N) sparse map to the original rows in those systems; None without
 

@@ -103,9 +103,8 @@ class Forcing:
     load: Floats  # (L, n)
     signal: tuple[Signal, ...]  # (L,)
     base_displacement: Signal | None = None
-    influence: Floats | None = (
-        None  # (m, L) displacement of each contact point relative to its mounting for a unit of each signal
-    )
+    # (m, L) displacement of each contact point relative to its mounting for a unit of each signal
+    influence: Floats | None = None
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def shown(level, direction):
     """What a slow sweep shows with the true values."""
     scenario = case([row(level, direction)])
     test = SweptPeaks.of(0, scenario.identify_stiffness.nonlinear.tests[0], "mass")
-    return test.predict(test.case(scenario), None, SharedBuilds()).numbers
+    return test.predict(test.case(scenario), None, SharedBuilds()).predicted
 
 
 def table(seed, levels=(1.0,)):
@@ -95,7 +95,7 @@ def numbers_of():
                 near[direction] = test.predict(test.case(scenario), near[direction], SharedBuilds())
             first = first if first["up"] else dict(near)
             x.append(share * corner)
-            rows.append(np.log(np.concatenate([each.numbers for each in near.values()])))
+            rows.append(np.log(np.concatenate([each.predicted for each in near.values()])))
     x, rows = np.array(x), np.array(rows)
     factors, *_ = np.linalg.lstsq(cubic(x[:31]), rows[:31], rcond=None)
     assert np.abs(cubic(x[31:]) @ factors - rows[31:]).max() < 1e-4
@@ -246,7 +246,7 @@ def test_two_masses_with_two_probes_at_three_levels_tell_the_truth():
     for k, test in enumerate(scenario.identify_stiffness.nonlinear.tests):
         row = SweptPeaks.of(k, test, "free")
         shown = row.predict(row.case(scenario), None, SharedBuilds())
-        *jump, f_free, free, f_held, held = shown.numbers.tolist()
+        *jump, f_free, free, f_held, held = shown.predicted.tolist()
         up = test.direction == "up"  # after the jump down into contact the amplitude overshoots
         measured.append((*ranges[k], jump[0] if jump else None, peaks(f_free, free, f_held, held) if up else []))
         channels = shown.system.channels.of_keys(("probes", "displacement"), ("probes", "velocity"))

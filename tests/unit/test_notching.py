@@ -52,7 +52,7 @@ def test_limits_are_met_and_reached_where_the_level_is_lowered(notched):
     assert notched.outcome.complete
     assert worst.max() < 1.05
     notching = curve.notching
-    level = np.interp(curve.frequency_hz, notching.frequency_hz, notching.level / notching.specified)
+    level = np.interp(curve.frequency_hz, notching.frequency_hz, notching.level / notching.specification)
     inside = (level < 0.9) & (curve.frequency_hz > 15.0)
     assert inside.sum() > 100
     assert worst[inside].min() > 0.95
