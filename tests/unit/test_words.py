@@ -5,6 +5,7 @@ import re
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import yaml
@@ -15,23 +16,33 @@ ROOT = Path(__file__).parents[2]
 WORDS = ROOT / "tests" / "data" / "words.yaml"
 
 
-def definitions(tree, place):
-    """Name and place of every function, class, argument, field and constant of a module, nested ones included.
+STATEMENTS = ast.stmt | ast.ExceptHandler | ast.match_case
 
-    The place of what a module defines is the path of its file, that of a member or an argument
-    ``path:Class.function``.
-    """
+
+class Definition(NamedTuple):
+    """The name of something that a module defines."""
+
+    name: str
+    place: str  # path of the file of what a module defines, of a member or an argument ``path:Class.function``
+    kind: str  # module, function, class, argument, or variable: a field or a constant
+
+
+def definitions(tree, place):
+    """Every function, class, argument, field and constant of a module, nested ones included."""
     for node in ast.iter_child_nodes(tree):
+        if not isinstance(node, STATEMENTS):  # in expressions nothing is defined that has a name of its own
+            continue
         below = place
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-            yield node.name, place
+            yield Definition(node.name, place, "class" if isinstance(node, ast.ClassDef) else "function")
             below = f"{place}{'.' if ':' in place else ':'}{node.name}"
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg)
-            yield from ((each.arg, below) for each in every if each is not None)
+            yield from (Definition(each.arg, below, "argument") for each in every if each is not None)
         if isinstance(node, ast.AnnAssign | ast.Assign) and isinstance(tree, ast.ClassDef | ast.Module):
             for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
-                yield from ((name.id, place) for name in ast.walk(target) if isinstance(name, ast.Name))
+                names = (name.id for name in ast.walk(target) if isinstance(name, ast.Name))
+                yield from (Definition(name, place, "variable") for name in names)
         yield from definitions(node, below)
 
 
@@ -40,18 +51,20 @@ def all_definitions():
     """The same of the package, with the modules themselves, whose place is their folder."""
     found = []
     for path in sorted((ROOT / "beamsim").rglob("*.py")):
-        place = path.relative_to(ROOT).as_posix()
-        found.append((path.stem, path.parent.relative_to(ROOT).as_posix()))
-        found += definitions(ast.parse(path.read_text(encoding="utf-8")), place)
+        found.append(Definition(path.stem, path.parent.relative_to(ROOT).as_posix(), "module"))
+        found += definitions(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix())
     return found
 
 
-def replaced():
+@cache
+def words():
+    """The lists of names."""
+    return yaml.safe_load(WORDS.read_text(encoding="utf-8"))
+
+
+def replaced(section="names"):
     """(name, place, term) of each name that must not be defined at or below a place."""
-    return [
-        (entry["name"], entry["in"], entry["use"])
-        for entry in yaml.safe_load(WORDS.read_text(encoding="utf-8"))["names"]
-    ]
+    return [(entry["name"], entry["in"], entry["use"]) for entry in words()[section]]
 
 
 def breaches(found, entries):
@@ -59,7 +72,7 @@ def breaches(found, entries):
     places = defaultdict(list)
     for word, within, term in entries:
         places[word].append((within, term))
-    for name, place in found:
+    for name, place, _ in found:
         for within, term in places[name.lstrip("_")]:
             if place == within or place.startswith(tuple(f"{within}{c}" for c in "/:.")):
                 yield f"{place}: {name} is called {term}"
@@ -69,53 +82,32 @@ def test_no_definition_has_a_name_that_was_replaced():
     assert list(breaches(all_definitions(), replaced())) == []
 
 
-def functions_and_classes(tree):
-    """Names of all functions and classes of a module, without leading underscores."""
-    return {
-        node.name.lstrip("_")
-        for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-    }
-
-
 def test_no_function_has_a_name_that_says_nothing():
-    refused = yaml.safe_load(WORDS.read_text(encoding="utf-8"))["functions"]
+    refused = words()["functions"]
     found = {
-        f"{path.relative_to(ROOT).as_posix()}: {name} (such as {refused[name]})"
-        for path in (ROOT / "beamsim").rglob("*.py")
-        for name in functions_and_classes(ast.parse(path.read_text(encoding="utf-8"))) & refused.keys()
+        f"{each.place}: {each.name} (such as {refused[each.name.lstrip('_')]})"
+        for each in all_definitions()
+        if each.kind in ("function", "class") and each.name.lstrip("_") in refused
     }
     assert found == set()
 
 
-def arguments(tree, place):
-    """Name and place of every argument of the functions of a module, lambdas left out."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            listed = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg)
-            yield from ((argument.arg, place) for argument in listed if argument is not None)
-
-
 def test_no_argument_has_a_name_that_says_nothing():
-    entries = [(e["name"], e["in"], e["use"]) for e in yaml.safe_load(WORDS.read_text(encoding="utf-8"))["arguments"]]
-    found = []
-    for path in sorted((ROOT / "beamsim").rglob("*.py")):
-        found += arguments(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix())
-    assert list(breaches(found, entries)) == []
+    arguments = [each for each in all_definitions() if each.kind == "argument"]
+    assert list(breaches(arguments, replaced("arguments"))) == []
 
 
-def test_an_argument_with_a_refused_name_is_found():
-    found = list(arguments(ast.parse("class A:\n    def f(self, at): ..."), "beamsim/scenario/body.py"))
-    assert len(list(breaches(found, [("at", "beamsim/scenario", "path")]))) == 1
-
-
-def test_a_method_with_a_refused_name_is_found():
-    assert functions_and_classes(ast.parse("class A:\n    def _asked(self): ...")) == {"A", "asked"}
+def test_kinds_of_definitions_are_told_apart():
+    source = "LIMIT = 1\nclass A:\n    b: int\n    def _c(self, *, d): ..."
+    kinds = {each.name: each.kind for each in definitions(ast.parse(source), "beamsim/a.py")}
+    assert kinds == {
+        "LIMIT": "variable", "A": "class", "b": "variable", "_c": "function", "self": "argument", "d": "argument"
+    }  # fmt: skip
 
 
 def test_the_places_of_replaced_names_exist():
     """A renamed file or class would take its entries out of force."""
-    places = {place for _, place in all_definitions()} | {f"{place}" for _, place in all_definitions()}
+    places = {each.place for each in all_definitions()}
     known = {"beamsim"} | places | {"/".join(place.split("/")[:2]) for place in places}
     assert [place for _, place, _ in replaced() if place not in known] == []
 
