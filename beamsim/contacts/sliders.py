@@ -419,13 +419,9 @@ def unloading_law(
 
     static = table_law(loading).one_sided_springs
     return ContactLaw(
-        tuple(phases),
-        internal_states=1,
-        stiffness=loading.stiffness,
-        dashpot=dashpot,
-        static=static,
+        tuple(phases), internal_states=1, stiffness=loading.stiffness, dashpot=dashpot, static=static,
         relaxed_states=relax,
-    )
+    )  # fmt: skip
 
 
 def _recovery_everywhere(loading: ForceCurve, recovery: ForceCurve | None) -> ForceCurve:

@@ -142,9 +142,7 @@ def random_signals(
     if excitation.ramp > MOST_RAMPED * step:
         message = f"= {excitation.ramp:g} s has {excitation.ramp / step:.2g} samples (at most {MOST_RAMPED:.0e})"
         raise ScenarioError.at("excitation.ramp", message, "give a shorter ramp")
-    repeats = (
-        int(np.ceil(excitation.ramp / step)) + MARGIN if excitation.ramp > 0 else 0
-    )  # index of the first sample after the ramp
+    repeats = int(np.ceil(excitation.ramp / step)) + MARGIN if excitation.ramp > 0 else 0  # first sample after the ramp
     begun_at_rest = CubicRecord(samples_at, step, repeats + count, (0.0, 0.0), limit)
     velocity_0 = -begun_at_rest.mean_slope(repeats)
     record = CubicRecord(samples_at, step, pieces, (velocity_0, displacement_0), limit)
