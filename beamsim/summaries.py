@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from types import GenericAlias
+from types import GenericAlias, MappingProxyType
 from typing import Annotated, Any, NamedTuple, NotRequired
 
 import numpy as np
@@ -17,19 +17,21 @@ from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 from typing_extensions import TypedDict  # comes with pydantic, which reads that of typing from Python 3.12 on
 
 
-def as_builtin(value: Any) -> Any:
-    """A value made of built-in types for strict JSON; numbers that are not finite become None."""
+def as_builtin(value: Any, infinities: Mapping[float, str] = MappingProxyType({})) -> Any:
+    """A value made of built-in types for strict JSON; numbers that are not finite become None.
+
+    Parameters
+    ----------
+    value : numbers, texts and containers of them.
+    infinities : texts in place of None for infinite numbers.
+    """
     if isinstance(value, Mapping):
-        return {str(key): as_builtin(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return as_builtin(value.tolist())
+        return {str(key): as_builtin(item, infinities) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return as_builtin(value.tolist(), infinities)
     if isinstance(value, (list, tuple)):
-        return [as_builtin(item) for item in value]
-    if isinstance(value, np.generic):
-        return as_builtin(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        return [as_builtin(item, infinities) for item in value]
+    return infinities.get(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 Number = float | None

@@ -243,11 +243,14 @@ def _save_elsewhere(result: Result, path: Path, error: ResultFileError) -> NotWr
     return NotWrittenError(path, reason, remedy)
 
 
+INFINITIES = {math.inf: "Infinity", -math.inf: "-Infinity"}  # which JSON does not have; null is nan
+
+
 def encode_summary(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Summary as attributes, see the module's docstring."""
     text_or_number = (str, int, float, np.integer, np.floating)
     encoded = [name for name, each in summary.items() if isinstance(each, bool) or not isinstance(each, text_or_number)]
-    texts = {name: _json(_text_for_infinity(summary[name])) for name in encoded}
+    texts = {name: json.dumps(as_builtin(summary[name], INFINITIES), ensure_ascii=False) for name in encoded}
     return {**summary, **texts, JSON_ENCODED: " ".join(encoded)}
 
 
@@ -264,18 +267,6 @@ def decode_summary(attributes: Mapping[str, Any]) -> dict[str, Any]:
     return summary
 
 
-INFINITIES = {"Infinity": math.inf, "-Infinity": -math.inf}  # which JSON does not have; null is nan
-
-
-def _text_for_infinity(value: Any) -> Any:
-    """A value of a summary in which texts stand for infinite numbers, at any depth."""
-    if isinstance(value, Mapping):
-        return {key: _text_for_infinity(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_text_for_infinity(item) for item in value]
-    return next((text for text, number in INFINITIES.items() if isinstance(value, float) and value == number), value)
-
-
 def _with_all_numbers(value: Any) -> Any:
     """The value as it was before it was JSON."""
     if isinstance(value, dict):
@@ -283,7 +274,7 @@ def _with_all_numbers(value: Any) -> Any:
     if isinstance(value, list):
         return [_with_all_numbers(item) for item in value]
     if isinstance(value, str):
-        return INFINITIES.get(value, value)
+        return next((number for number, text in INFINITIES.items() if text == value), value)
     return math.nan if value is None else value
 
 
