@@ -49,7 +49,9 @@ def main() -> None:
         finally:
             for number in heeded:  # the exit code is final; Python removes its own handlers at exit
                 signal.signal(number, signal.SIG_IGN)
-            exec("")  # otherwise ``python -m`` may end by SIGINT without the exit code
+            # Python remembers an interrupt that came in an ``exec`` of a library, and ``python -m`` would end by SIGINT
+            # in place of the exit code; another ``exec`` clears that
+            exec("")
             gc.freeze()  # memory is freed with the process; a garbage collection would take a fifth of a run
     except KeyboardInterrupt:
         sys.exit(130)

@@ -47,15 +47,13 @@ class Contacts:
     # derived fields
     count: int = field(init=False)  # m
     base_participations: Floats = field(init=False)  # (m,) as ``base_participation``
-    base_influence: Floats = field(
-        init=False
-    )  # (m,) ``base_participations`` of contacts on the ground; 0 for those on the base
+    # (m,) ``base_participations`` of contacts on the ground; 0 for those on the base
+    base_influence: Floats = field(init=False)
     normal_contact: Ints = field(init=False)  # (m,) as ``pressed_by``, -1 everywhere if that is None
     pressed_contacts: Ints = field(init=False)  # friction contacts with a normal contact
     pressing_contacts: Ints = field(init=False)  # normal contact of each of them
-    internal_states: int = field(
-        init=False
-    )  # r, number of internal states of all contacts; they follow (q, q') in the state, by contact
+    # r, number of internal states of all contacts; they follow (q, q') in the state, by contact
+    internal_states: int = field(init=False)
     state_counts: Ints = field(init=False)  # (m,) number of internal states of each contact
     first_state: Ints = field(init=False)  # (m,) index of the first internal state of each contact
     state_owner: Ints = field(init=False)  # (r,) contact of each internal state

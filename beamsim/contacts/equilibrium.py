@@ -183,9 +183,8 @@ class _Newton:
         tangent, normal = energy.open_tangent(q), energy.normal[closed]
         resisting = np.diag(tangent)
         most = energy.stiffness + np.abs(energy.springs.stiffness) @ energy.normal**2
-        most = (
-            most + np.abs(energy.cubic.stiffness) @ energy.cubic.shape**2
-        )  # largest stiffness that each coordinate may have
+        # largest stiffness that each coordinate may have
+        most = most + np.abs(energy.cubic.stiffness) @ energy.cubic.shape**2
         damped = np.where(resisting > 0, resisting, np.where(most > 0, most, 1.0))
         self.scale = np.concatenate([1.0 / np.sqrt(damped + np.abs(k) @ normal**2), np.sqrt(np.abs(k))])
         matrix = np.block([[tangent + np.diag(_ADDED_STIFFNESS * damped), -normal.T], [normal, np.diag(1.0 / k)]])
@@ -314,9 +313,8 @@ class _Energy:
         )
         cancelling = np.abs(self.springs.gap) + np.abs(self.normal) @ np.abs(q)
         noise = _CANCELLATION * np.abs(self.normal.T) @ np.where(delta > 0, np.abs(k) * cancelling, 0.0)
-        at_rest = self.normal.T @ (
-            k * np.maximum(-self.springs.gap, 0.0)
-        )  # a prestress that has vanished leaves round-off
+        # a prestress that has vanished leaves round-off
+        at_rest = self.normal.T @ (k * np.maximum(-self.springs.gap, 0.0))
         size = float(max(np.abs(t).max(initial=0.0) for t in (*terms, 0.01 * at_rest)))
         return np.asarray(sum(terms)), size, float(noise.max(initial=0.0))
 

@@ -207,12 +207,10 @@ class ContactLaw:
     rebuild: Callable[[float, float], ContactLaw] | None = None
 
     # derived fields
-    static_springs: tuple[OneSidedSpring, ...] = field(
-        init=False
-    )  # one-sided springs with the same force after a long rest
-    needs_normal_contact: bool = field(
-        init=False
-    )  # whether its force depends on that of another contact, which presses it
+    # one-sided springs with the same force after a long rest
+    static_springs: tuple[OneSidedSpring, ...] = field(init=False)
+    # whether its force depends on that of another contact, which presses it
+    needs_normal_contact: bool = field(init=False)
     slides_or_yields: bool = field(init=False)  # whether it dissipates energy by sliding or yielding
     yields: bool = field(init=False)  # whether it is a stop that stays crushed: its open face is at its slider
     latches: bool = field(init=False)  # whether it has a phase that never ends
@@ -391,9 +389,8 @@ class ContactLaw:
         if not other.static_springs:
             return self
         ours, theirs = (law.static_springs[0].stiffness for law in (self, other))
-        return (
-            self if theirs == 0.0 else other.scaled(ours / theirs + added_multiple)
-        )  # a spring without force adds none
+        # a spring without force adds none
+        return self if theirs == 0.0 else other.scaled(ours / theirs + added_multiple)
 
     def undamped(self) -> ContactLaw | None:
         """The law without its dashpots; None if it has internal states or other losses."""

@@ -550,9 +550,8 @@ def _internal_coupling(
     """
     contacts, drive = equations.equations.contacts, equations.internal_rate_factors
     moved = contacts.shape @ undamped.shapes
-    moved[active.contact] = (
-        undamped.extension
-    )  # of stiff ones in slow motions, and none in motions that do not move them
+    # of stiff ones in slow motions, and none in motions that do not move them
+    moved[active.contact] = undamped.extension
     penetration = -contacts.sign[:, None] * moved
     along = equations.push @ undamped.shapes if active.nonsymmetric else -penetration
     return (

@@ -107,9 +107,8 @@ class ExactFlow:
     pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
     inputs: Inputs = field(init=False)  # the sources as the kernels take them
-    record: CubicRecord | None = field(
-        init=False
-    )  # the record, if all signals are made of one: it can be taken in chunks
+    # the record, if all signals are made of one: it can be taken in chunks
+    record: CubicRecord | None = field(init=False)
     size: int = field(init=False)  # N, of the state vector
     base_channel: int = field(init=False)
     influence: Floats = field(init=False)  # (channels, m) displacement of each contact's mounting by a unit

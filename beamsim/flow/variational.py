@@ -360,13 +360,10 @@ def sensitivity(
 class VariationalFlow(PeriodicFlow):
     """The exact flow under periodic loads; flows derived from it share the modes of the contact states."""
 
-    _flow_of_loads: ExactFlow = field(
-        init=False, repr=False
-    )  # under the loads of this flow, or of one that it comes from
+    # under the loads of this flow, or of one that it comes from
+    _flow_of_loads: ExactFlow = field(init=False, repr=False)
     _loads_key: tuple[float, float] = field(init=False, repr=False)  # frequency and level
-    _last_direction: tuple[ContactDirection, Differences] | None = field(
-        default=None, init=False, repr=False
-    )  # the last one
+    _last_direction: tuple[ContactDirection, Differences] | None = field(default=None, init=False, repr=False)
 
     def _prepare(self) -> None:
         window = LONGEST_WINDOW_RADIANS / self.omega  # for structures without a stiffness: others have their own

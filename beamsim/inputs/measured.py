@@ -43,10 +43,8 @@ from beamsim.scenario.units import (
 )  # fmt: skip
 from beamsim.typing import TINY, Floats
 
-FEWEST_HALF_CYCLES, SAMPLES_A_CYCLE = (
-    3,
-    20,
-)  # cycles of the lowest frequency, and samples per cycle of the highest, in a record for a shock response spectrum
+# cycles of the lowest frequency, and samples per cycle of the highest, in a record for a shock response spectrum
+FEWEST_HALF_CYCLES, SAMPLES_A_CYCLE = 3, 20
 MOST_SAMPLES = 500_000  # samples of such a record, which take minutes
 
 

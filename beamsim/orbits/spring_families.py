@@ -30,9 +30,8 @@ class SpringFamily:
     system: PiecewiseLinearSystem
     equilibrium: Callable[[PiecewiseLinearSystem], Floats] | None = None
     cubic: CubicSprings | None = field(default=None, kw_only=True)
-    _current: tuple[float, PeriodicFlow, Floats] | None = field(
-        default=None, init=False, repr=False
-    )  # factor, flow, rest
+    # factor, flow, rest
+    _current: tuple[float, PeriodicFlow, Floats] | None = field(default=None, init=False, repr=False)
     _earlier: int = field(default=0, init=False, repr=False)  # motions that the current flow does not count
 
     def __post_init__(self) -> None:

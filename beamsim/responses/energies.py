@@ -63,9 +63,8 @@ class EnergyBalance:
     _imbalance: float = 0.0  # J, at the end of the latest chunk
     _absolute_work: float = 0.0  # J
     _largest_stored: float = 0.0  # J, the most
-    _chunk_errors: list[tuple[float, float | None]] = field(
-        default_factory=list
-    )  # of each chunk, and when it is lost, s
+    # of each chunk, and when it is lost, s
+    _chunk_errors: list[tuple[float, float | None]] = field(default_factory=list)
 
     def add(self, times: Floats, history: EnergyHistory, absolute_work: float) -> None:
         """Include the next chunk.

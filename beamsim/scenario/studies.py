@@ -523,9 +523,8 @@ class VariedParameter:
     spacing: str = "linear"
     distribution: str = "uniform"
     integers_only: bool = False  # whether only whole numbers are allowed
-    choices: Mapping[str, Mapping[Path, Any]] = field(
-        default_factory=dict
-    )  # of a catalogue, the values that each choice sets
+    # of a catalogue, the values that each choice sets
+    choices: Mapping[str, Mapping[Path, Any]] = field(default_factory=dict)
 
     @property
     def count(self) -> int:

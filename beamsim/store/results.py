@@ -142,8 +142,8 @@ def root_attributes(result: Result) -> dict[str, Any]:
     return attributes | {name: value for name, value in optional.items() if value is not None}
 
 
-def _json(value: Any) -> str:
-    return json.dumps(as_builtin(value), ensure_ascii=False)
+def _json(value: Any, **infinities: Mapping[float, str]) -> str:
+    return json.dumps(as_builtin(value, **infinities), ensure_ascii=False)
 
 
 _TEXTS: TypeAdapter[Any] = TypeAdapter(tuple[str, ...])
@@ -250,7 +250,7 @@ def encode_summary(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Summary as attributes, see the module's docstring."""
     text_or_number = (str, int, float, np.integer, np.floating)
     encoded = [name for name, each in summary.items() if isinstance(each, bool) or not isinstance(each, text_or_number)]
-    texts = {name: json.dumps(as_builtin(summary[name], INFINITIES), ensure_ascii=False) for name in encoded}
+    texts = {name: _json(summary[name], infinities=INFINITIES) for name in encoded}
     return {**summary, **texts, JSON_ENCODED: " ".join(encoded)}
 
 

@@ -45,11 +45,8 @@ _RIGID, _GAP = 1e-9, 1e-5
 NOT_HELD_REMARK = "the base does not restrain it"
 """Beginning of the remark on motions without stiffness although there is a base."""
 DENSE_SHARE = 0.8  # share of node pairs, above which a matrix is not one of elements
-_COUNT_OFFSETS = (
-    1e-7,
-    1e-5,
-    1e-3,
-)  # relative frequency shifts, if round-off hides a count
+# relative frequency shifts, if round-off hides a count
+_COUNT_OFFSETS = 1e-7, 1e-5, 1e-3
 _SOFT = "check the model that wrote it: loads that soften it, negative springs, constraints by multipliers"
 
 

@@ -69,9 +69,8 @@ class SpringPoint:
         self.omega: Floats = np.asarray(omega, dtype=float)[order]
         self.shape: Floats = np.asarray(shape, dtype=float)[order]
         weight = self.shape**2
-        loaded = weight > NEGLIGIBLE_WEIGHT * weight.max(
-            initial=0.0
-        )  # a mode with a node there does not load the spring
+        # a mode with a node there does not load the spring
+        loaded = weight > NEGLIGIBLE_WEIGHT * weight.max(initial=0.0)
         frequency = self.omega[loaded]
         first = np.diff(frequency, prepend=-np.inf) > POLE_ROUND_OFF * frequency  # the first of the modes at one pole
         poles, of_pole = frequency[first], np.cumsum(first) - 1

@@ -50,12 +50,10 @@ class Support:
     base_motion: float  # its motion for a unit motion of the base
     body: str = ""  # its body; empty for joints and springs
     site: Site | None = None  # of a joint or spring
-    fixed_motion: Mapping[str, Floats] = field(
-        default_factory=dict
-    )  # motion of the fixed dofs, for each body (all its dofs,)
-    free_motion: Mapping[str, Floats] = field(
-        default_factory=dict
-    )  # motion of the free dofs of each body (N,), of a rigid joint
+    # motion of the fixed dofs, for each body (all its dofs,)
+    fixed_motion: Mapping[str, Floats] = field(default_factory=dict)
+    # motion of the free dofs of each body (N,), of a rigid joint
+    free_motion: Mapping[str, Floats] = field(default_factory=dict)
     extensions: Mapping[Coupling, float] = field(default_factory=dict)  # extension of springs
     determined: bool = True  # whether its force is statically determined by the motion
 

@@ -328,9 +328,8 @@ class StateEquations:
         """Contacts and guards (g,), those of contacts that join others at rest first, and their number."""
         shape, guard = self.equations.contacts.shape, self.equations.contacts.arrays.guard
         left = np.linalg.norm(shape - (shape @ self.stuck_directions) @ self.stuck_directions.T, axis=1)
-        resting = left <= NEGLIGIBLE_SINGULAR_VALUE * np.linalg.norm(
-            shape, axis=1
-        )  # whose motion others hold, at the same place say
+        # whose motion others hold, at the same place say
+        resting = left <= NEGLIGIBLE_SINGULAR_VALUE * np.linalg.norm(shape, axis=1)
         joins = resting[contact] & (guard[contact, self.phases[contact], place, RATE] != 0.0)
         order = np.argsort(~joins, kind="stable")
         return contact[order], place[order], int(joins.sum())

@@ -384,9 +384,8 @@ def with_convergence(result: _Result, convergence: Convergence, values: Values |
         doubts = [unconverged_outcome(result, first, *doubts)]
     if not doubts or not outcome.usable:
         return result.with_outcome(outcome.copy_with(*doubts))
-    return result.with_outcome(
-        doubts[0].copy_with(outcome) if outcome.message else doubts[0]
-    )  # earlier problems come last
+    # earlier problems come last
+    return result.with_outcome(doubts[0].copy_with(outcome) if outcome.message else doubts[0])
 
 
 def _margins_with_errors(summary: Mapping[str, Any], values: Values, errors: Errors) -> dict[str, dict[str, Any]]:

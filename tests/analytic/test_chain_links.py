@@ -99,9 +99,8 @@ def test_a_link_between_masses_feels_no_common_motion():
             )
         grounded = {"springs_to_ground": [{"mass": 1, "kind": "linear", "stiffness": 3.0, "name": "foot"}]}
         held = beamsim.run(chain([1, 2], [0, 0], {**more, **grounded}, excitation=excitation, run=run))
-        np.testing.assert_allclose(
-            held["histories"]["absolute_displacement"].sel(probe="m2").values, 0.0, atol=1e-10
-        )  # the ground stands still
+        # the ground stands still
+        np.testing.assert_allclose(held["histories"]["absolute_displacement"].sel(probe="m2").values, 0.0, atol=1e-10)
 
 
 # -- piecewise-linear springs ----------------------------------------------------------------------------------------

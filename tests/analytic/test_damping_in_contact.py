@@ -56,9 +56,8 @@ def test_a_ratio_is_damped_by_the_share_of_the_stop():
     assert system.snubbers[0].dashpot == pytest.approx(0.1 * STOP / omega, rel=1e-12)
     own = C / (2 * M * omega)
     assert system.modes["closed_damping_ratios"].values[0] == pytest.approx(own + 0.05 * STOP / (K + STOP), rel=1e-12)
-    assert (
-        system.modes["resting_damping_ratios"].values[0] == system.modes["damping_ratios"].values[0]
-    )  # it is open at rest
+    # it is open at rest
+    assert system.modes["resting_damping_ratios"].values[0] == system.modes["damping_ratios"].values[0]
     hz = omega / (2 * np.pi)
     source = f"5 % of {hz:.4g} Hz, the first natural frequency with it alone closed"
     assert system.modes["dashpot_from"].item() == source

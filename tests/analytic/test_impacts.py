@@ -158,9 +158,8 @@ def test_minimum_rest_joins_contacts_and_the_threshold_leaves_impacts_out():
     strong = beamsim.run(thrown(4.0, impacts={"force_threshold": limit * (1 - 1e-9)}))
     (stop,) = strong.summary["impacts"].values()
     assert (stop["number"], stop["below_threshold"]) == (3, whole["begin"].values.size - 3)
-    assert stop["impulse_n_s"] == pytest.approx(
-        result.summary["impacts"]["stop"]["impulse_n_s"], rel=1e-14
-    )  # of all contact
+    # of all contact
+    assert stop["impulse_n_s"] == pytest.approx(result.summary["impacts"]["stop"]["impulse_n_s"], rel=1e-14)
 
 
 def test_a_run_that_begins_and_ends_in_contact():

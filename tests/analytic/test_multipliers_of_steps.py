@@ -6,10 +6,8 @@ import pytest
 from beamsim.orbits.continuation import BranchStep, Settings, solve_at
 from beamsim.orbits.special_points import special_points
 
-TURNING, REAL = (
-    0.3,
-    0.4,
-)  # where a complex pair is on the unit circle, and a real pair has the product 1
+# where a complex pair is on the unit circle, and a real pair has the product 1
+TURNING, REAL = 0.3, 0.4
 
 
 class Multipliers:

@@ -465,9 +465,8 @@ def _states(own, result, slack, finer):
     stored, *others = (equations.stored(m)[own.outputs] for m in (motion, *own.others))
     moved = 5 * np.max(np.abs(np.array(others) - stored), axis=0)  # drift that stores nothing may hide it in the states
     energy = result["histories"]["energy_stored"].values[finer::finer]
-    largest = max(
-        np.abs(stored).max(), np.abs(result["histories"]["energy_stored"].values).max(), 1e-300
-    )  # at the start, and in between
+    # at the start, and in between
+    largest = max(np.abs(stored).max(), np.abs(result["histories"]["energy_stored"].values).max(), 1e-300)
     wrong = ~(np.abs(stored - energy) <= 5 * slack * largest + np.maximum.accumulate(moved))
     if np.any(wrong):
         k = int(np.argmax(wrong))

@@ -133,9 +133,8 @@ def test_objectives_that_cannot_be(here):
     done = invoke("sweep", "case.yaml", "--set", "vary.minimise=snubbers/top/peak_force")
     assert done.exit_code == 2
     assert "vary.minimise = snubbers/top/peak_force names no response: no top; did you mean tip" in done.stderr
-    done = invoke(
-        "sweep", "case.yaml", "--no-plots", "--workers", 1, "-v", "--set", "vary.minimise=rms_force"
-    )  # of random input
+    # of random input
+    done = invoke("sweep", "case.yaml", "--no-plots", "--workers", 1, "-v", "--set", "vary.minimise=rms_force")
     assert "vary.minimise = rms_force: no case has such a response; they have " in done.stderr
     assert "best" not in done.stdout
 

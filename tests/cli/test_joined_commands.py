@@ -103,8 +103,7 @@ def numbers(value, path=()):
 def summary(folder, name, case, command):
     file = folder / f"{name}.yaml"
     file.write_text(yaml.safe_dump({key: value for key, value in case.items() if value is not None}))
-    here = ("--workers", "1") if "vary" in case else ()
-    result = invoke(command, file, "-o", folder / f"{name}.h5", "--no-plots", "--json", *here)
+    result = invoke(command, file, "-o", folder / f"{name}.h5", "--no-plots", "--json")
     assert result.exit_code == 0, result.output
     return dict(numbers(json.loads(result.stdout)))
 

@@ -210,20 +210,9 @@ def test_what_only_the_motions_show_is_refused(changes, where, text):
 
 def test_a_force_at_a_node_is_refused():
     """The middle mass of three stands still in the second mode."""
-    case = {
-        "title": "Chain",
-        "chain": {
-            "masses": [1, 1, 1], "springs": [1, 1, 1, 1], "dashpots": [0.01, 0.01, 0.01, 0.01],
-            "snubbers": [{"name": "stop", "mass": 2, "side": "below", "stiffness": 2, "gap": 0.2}],
-        },
-        "excitation": {"kind": "harmonic", "applied_to": {"mass": 2}, "level": "5 mN", "frequency": "0.13 Hz"},
-        "nnm": {
-            "mode": 2, "continue_in": {"kind": "energy", "from": "10 mJ", "to": "1 J"},
-            "phase_resonance": {"periods": 5},
-        },
-    }  # fmt: skip
+    changes = {"chain.snubbers[0].mass": 2, "excitation.applied_to.mass": 2, "nnm.mode": 2}
     with pytest.raises(ScenarioError, match="node"):
-        nnm(load_scenario(case))
+        nnm(load_scenario(CHAIN, changes))
 
 
 def test_pictures_and_table(held):

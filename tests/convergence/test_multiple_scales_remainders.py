@@ -89,9 +89,8 @@ def test_frequency_of_a_gap_in_closed_form(oscillator):
     e = expand_mode(oscillator(gap=r * 2.0), 0, 2.0)
     assert e.omega1 == pytest.approx((np.arccos(r) - r * np.sqrt(1 - r**2)) / (2 * np.pi), rel=1e-13)
     assert expand_mode(oscillator(gap=3.0), 0, 2.0).omega1 == 0.0
-    pressed = expand_mode(
-        oscillator(gap=-3.0), 0, 2.0
-    )  # never leaves: linear, omega = sqrt(1 + e), about a static shift
+    # never leaves: linear, omega = sqrt(1 + e), about a static shift
+    pressed = expand_mode(oscillator(gap=-3.0), 0, 2.0)
     assert pressed.omega1 == pytest.approx(0.5, rel=1e-14)
     assert pressed.omega2 == pytest.approx(-0.125, rel=1e-12)
     assert pressed.first[0, 0] == pytest.approx(3.0, rel=1e-14)

@@ -152,9 +152,8 @@ def test_every_summary_entry_has_a_type():
 @first_apart("number", 3, range(16))
 def test_crafted_results_are_shown_or_refused(number, tmp_path):
     """One crafted file of each kept result with two commands; `python -m tests.helpers.crafted_results` tries more."""
-    path = next(
-        path for k in range(9) if (path := write_crafted(number + k * 16, tmp_path))
-    )  # the first that is storable
+    # the first that is storable
+    path = next(path for k in range(9) if (path := write_crafted(number + k * 16, tmp_path)))
     for name in ("info", "info --json"):
         assert outcome(commands(path, tmp_path)[name]) in ("right", "refused")
 

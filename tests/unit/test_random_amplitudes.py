@@ -53,9 +53,8 @@ def test_the_density_is_kept_on_average_and_lines_are_exponentially_distributed(
     inside = (frequency > 6) & (frequency < 79)
     power = np.array(lines)[:, inside] / SpectralDensity(*TABLE)(frequency[inside])
     assert power.mean() == pytest.approx(1.0, abs=0.02)
-    assert power.std() == pytest.approx(
-        1.0, abs=0.03
-    )  # mean and standard deviation of an exponential distribution agree
+    # mean and standard deviation of an exponential distribution agree
+    assert power.std() == pytest.approx(1.0, abs=0.03)
     assert np.mean(power > 3.0) == pytest.approx(np.exp(-3.0), rel=0.05)
 
 

@@ -193,10 +193,8 @@ def _channel(result: RunResult, pair: Pair, count: int, last: float | None, warn
     )
 
 
-LEAST_CORRELATION, LOW_CORRELATION = (
-    0.9,
-    0.7,
-)  # correlations above which records agree, and below which they do not
+# correlations above which records agree, and below which they do not
+LEAST_CORRELATION, LOW_CORRELATION = 0.9, 0.7
 FEWEST_COMMON_SAMPLES = 20  # common samples, at least
 NOTABLE_OFFSET = 0.05  # relative to the root mean square of a history about its mean
 
@@ -584,10 +582,8 @@ def _by_name(signals: list[MeasuredSignal], quantities: _Quantities, path: Path,
     pairs: list[Pair] = []
     for name in quantities if place is None else [place]:
         for q in quantities[name] if quantity is None else quantities[name].keys() & {quantity}:
-            own = q in (
-                *PROBE_QUANTITIES,
-                *dict(CONTACT_QUANTITIES.values()),
-            )  # the channel of an output need not name its quantity
+            # the channel of an output need not name its quantity
+            own = q in (*PROBE_QUANTITIES, *dict(CONTACT_QUANTITIES.values()))
             called = "force" if q == "moment" and all("moment" not in s.name for s in signals) else q  # as in results
             try:
                 signal = channel_named(signals, name, called, path, required=own)

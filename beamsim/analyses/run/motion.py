@@ -214,9 +214,8 @@ class RunMotion:
     memory: Mapping[str, int] = field(default_factory=dict)  # memory entries of the summary
     compared_s: float | None = None  # s, length of the first part, compared with a finer model, if not all is kept
     warnings: tuple[str, ...] = ()
-    available_motion: Trajectory | Histories = field(
-        init=False
-    )  # closed form, or time-stepped motion at the output times
+    # closed form, or time-stepped motion at the output times
+    available_motion: Trajectory | Histories = field(init=False)
     work: Work = field(init=False)  # of the solver
     events: Dataset = field(init=False)  # closings and openings of the snubbers, without breakpoints of their tables
 

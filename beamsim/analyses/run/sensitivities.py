@@ -46,13 +46,8 @@ from beamsim.typing import Floats, not_none
 
 STEP = 2.0**-11  # relative to a number, or to the tolerance of one that is zero: distance of neighbouring systems
 NEIGHBOUR_STEPS = (1, -1, 2, -2)  # positions of the neighbouring systems, in steps
-CENTRAL_WEIGHTS = (
-    0.0,
-    8.0 / 12.0,
-    -8.0 / 12.0,
-    -1.0 / 12.0,
-    1.0 / 12.0,
-)  # weights of central differences: own system, then neighbours
+# weights of central differences: own system, then neighbours
+CENTRAL_WEIGHTS = 0.0, 8.0 / 12.0, -8.0 / 12.0, -1.0 / 12.0, 1.0 / 12.0
 FORWARD_WEIGHTS = (-1.5, 2.0, 0.0, -0.5, 0.0)
 SEPARATE_RATIO = 1.5  # ratio of frequencies above which modes are not mixed
 GRAZING = 1e-9  # relative to a number: a contact that such a change removes only grazes

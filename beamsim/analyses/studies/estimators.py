@@ -20,15 +20,11 @@ from beamsim.typing import Bools, Floats, Ints
 FAILED = -1.0  # limit-state value of a failed history, which counts as exceeding the limits
 MOST_EXPLORING = 512  # samples at increased scatter
 EXPLORING = 100  # least number per variable, since regions of several variables are small
-SAMPLED_SHARE, HIT_DEVIATIONS = (
-    1e-2,
-    1.645,
-)  # share of the probability above which a region must be sampled, with 95 % certainty
+# share of the probability above which a region must be sampled, with 95 % certainty
+SAMPLED_SHARE, HIT_DEVIATIONS = 1e-2, 1.645
 UNKNOWN_DISTANCE = 4.5  # distance of regions, if a subset simulation does not give it
-LARGEST_DEVIATION, MOST_CHECKS = (
-    2.5,
-    4,
-)  # standard deviations that chance explains; subset simulations that decide
+# standard deviations that chance explains; subset simulations that decide
+LARGEST_DEVIATION, MOST_CHECKS = 2.5, 4
 MOST_IN_BATCH = 250  # samples between two fits of the sampling density
 MOST_RESTARTS = 3  # restarts for new regions; a curved limit has many, and later samples count more
 NEW_REGION_SHARE = 0.3  # share of the probability of a new region above which earlier samples are discarded

@@ -51,9 +51,8 @@ def swept_loads(system: StructuralSystem) -> SweptLoads:
 
     def loads(windows: SweepWindows, carrier: float) -> tuple[Forcing, tuple[Signal, ...]]:
         if moves is None:
-            factors = not_none(system.sine).at(
-                windows.omega
-            )  # supports with imposed motion are known only at constant frequency
+            # supports with imposed motion are known only at constant frequency
+            factors = not_none(system.sine).at(windows.omega)
             sines = (replace(windows, coefficient=factor[:, None] * windows.coefficient) for factor in factors.T)
             return replace(forcing, signal=tuple(swept_signals(sine, carrier)[0] for sine in sines)), ()
         acceleration, _, displacement = swept_signals(windows, carrier)
