@@ -118,8 +118,8 @@ def test_yaml_round_trip(path, title, factor):
     tree = tree_of(path) | {"title": title}
     orders = tree.get("sweep", {}).pop("orders", [])  # which are whole numbers or simple fractions
     for holder, key in list(places(tree)):
-        if key == "quantile":  # of a share there is no more than all
-            holder[key] = min(holder[key] * factor, 1.0)
+        if key == "quantile":  # a higher one than the samples resolve is refused
+            holder[key] *= min(factor, 1.0)
         elif isinstance(holder[key], float):
             holder[key] *= factor
     if orders:
