@@ -144,14 +144,16 @@ class Unit:
         return Unit(self.factor * other.factor**power, self.pi + power * other.pi, left, radians)
 
 
-_PREFIXES = {
+PREFIXES = {
     "T": 12, "G": 9, "M": 6, "k": 3, "h": 2, "d": -1, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12,
     "giga": 9, "mega": 6, "kilo": 3, "centi": -2, "milli": -3, "micro": -6, "nano": -9,
 }  # fmt: skip
-_TAKE_PREFIX = (
+"""Prefixes of units, by their power of ten."""
+TAKE_PREFIX = (
     "m", "g", "s", "N", "Pa", "J", "W", "Hz", "rad", "bar", "l", "L", "B", "C", "byte", "V", "A", "K", "mol", "cd",
 )  # fmt: skip
-_DEFINED = {
+"""Units that take a prefix."""
+DEFINED_UNITS = {
     "g": ("0.001", "kg"), "N": ("1", "kg m/s^2"), "Pa": ("1", "N/m^2"), "J": ("1", "N m"), "W": ("1", "J/s"),
     "Hz": ("1", "1/s"), "bar": ("100000", "Pa"), "l": ("0.001", "m^3"), "L": ("1", "l"), "B": ("1", "byte"),
     "C": ("1", "A s"), "%": ("0.01", ""), "percent": ("0.01", ""), "ppm": ("0.000001", ""),
@@ -165,25 +167,26 @@ _DEFINED = {
     "gravity": ("9.80665", "m/s^2"), "g_0": ("1", "gravity"), "g_n": ("1", "gravity"), "gn": ("1", "gravity"),
     "dec": ("3.3219280948873623479", "oct"), "rpm": ("1", "turn/min"), "rps": ("1", "turn/s"),
 }  # fmt: skip
-"""Units defined by others: a factor and a unit."""
-_OF_TURN = {
+"""Units defined by others: a factor, as exact as its source, and a unit."""
+UNITS_PER_TURN = {
     **dict.fromkeys(("turn", "rev", "revolution", "cycle"), 1), **dict.fromkeys(("deg", "degree"), 360),
     "arcmin": 21600, "arcsec": 1296000, "grade": 400, "gon": 400, "mil": 6400,
 }  # fmt: skip
 """Angles, by their number in a full turn."""
-_SIMPLE = {
+SIMPLE_UNITS = {
     "rad": Unit(radians=1),
-    **{name: Unit(Fraction(2, count), pi=1, radians=1) for name, count in _OF_TURN.items()},
+    **{name: Unit(Fraction(2, count), pi=1, radians=1) for name, count in UNITS_PER_TURN.items()},
     **{name: Unit(powers=((name, 1),)) for name in
        ("m", "kg", "s", "byte", "V", "A", "K", "mol", "cd", "degC", "degF", "dB", "oct")},
 }  # fmt: skip
 """Angles and base units."""
-_SPELT_OUT = {
+SPELLED_OUT = {
     "meter": "m", "metre": "m", "gram": "g", "second": "s", "sec": "s", "newton": "N", "pascal": "Pa", "joule": "J",
     "watt": "W", "hertz": "Hz", "radian": "rad", "minute": "min", "inch": "in", "inches": "in", "foot": "ft",
     "feet": "ft", "pound": "lb", "liter": "l", "litre": "l", "volt": "V", "ampere": "A", "cps": "Hz", "bytes": "byte",
     "octave": "oct", "decade": "dec",
 }  # fmt: skip
+"""Other names of units; a plural s is allowed for all of them."""
 
 
 def _find_unit(symbol: str, gravity: bool) -> Unit | None:
@@ -191,16 +194,16 @@ def _find_unit(symbol: str, gravity: bool) -> Unit | None:
     if gravity and symbol in ("g", "mg"):
         return Unit(Fraction("0.001" if symbol == "mg" else 1)).times(_unit("gravity", False))
     for name in (symbol, symbol.removesuffix("s")):
-        known = _SPELT_OUT.get(name, name)
-        if known in _SIMPLE:
-            return _SIMPLE[known]
-        if known in _DEFINED:
-            number, of = _DEFINED[known]
+        known = SPELLED_OUT.get(name, name)
+        if known in SIMPLE_UNITS:
+            return SIMPLE_UNITS[known]
+        if known in DEFINED_UNITS:
+            number, of = DEFINED_UNITS[known]
             return Unit(Fraction(number)).times(_unit(of, False) if of else Unit())
-        for prefix, power in _PREFIXES.items():
+        for prefix, power in PREFIXES.items():
             rest = name.removeprefix(prefix)
-            rest = _SPELT_OUT.get(rest, rest) if len(prefix) > 1 else rest
-            if rest != name and rest in _TAKE_PREFIX:
+            rest = SPELLED_OUT.get(rest, rest) if len(prefix) > 1 else rest
+            if rest != name and rest in TAKE_PREFIX:
                 return Unit(Fraction(10) ** power).times(_unit(rest, False))
     return None
 

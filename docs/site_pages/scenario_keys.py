@@ -6,16 +6,27 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from beamsim.scenario import units
 from beamsim.scenario.jsonschema import json_schema
 
 PAGE = Path(__file__).parents[1] / "scenario_keys.md"
 _INTRODUCTION = """\
 # Keys of a scenario
 
-This page lists all keys of a scenario. A quantity is a number in the SI unit of the table, or a text with any unit of
-the same dimension, such as `5 mm`. The page is made from the JSON Schema (`beamsim schema`), which also describes the
-scenario to editors.
+This page lists all keys of a scenario. A quantity is a number in the SI unit of the table, or a text with any
+[unit](#units) of the same dimension, such as `5 mm`. The page is made from the JSON Schema (`beamsim schema`), which
+also describes the scenario to editors.
 
+"""
+_UNITS = """\
+## Units
+
+A unit is a product or quotient of the units below, with exponents and brackets: `kN/m`, `N s/m`, `g^2/Hz`,
+`mm^3/(N m)`. In an acceleration or its spectral density `g` is standard gravity, elsewhere gram. A frequency is in
+hertz: `60 rpm` is 1 Hz, `0.8 rad/s` is 0.127 Hz. The table is made from `beamsim/scenario/units.py`.
+
+| units | |
+|---|---|
 """
 
 
@@ -24,7 +35,22 @@ def page() -> str:
     schema = json_schema()
     definitions = schema["$defs"]
     parts = {name: part for name, part in definitions.items() if "description" in part}
-    return _INTRODUCTION + "".join(_section(name, path, parts[name]) for name, path in _paths(parts).items())
+    sections = "".join(_section(name, path, parts[name]) for name, path in _paths(parts).items())
+    return _INTRODUCTION + sections + _units()
+
+
+def _units() -> str:
+    """Return the section of the units that quantities may have."""
+    defined = units.DEFINED_UNITS.items()
+    rows = {
+        "base units": [f"`{name}`" for name, unit in units.SIMPLE_UNITS.items() if unit.pi == 0],
+        "with a definition": [f"`{name}` ({f'{number} {of}'.rstrip()})" for name, (number, of) in defined],
+        "angles, and their number in a full turn": [f"`{name}` ({n})" for name, n in units.UNITS_PER_TURN.items()],
+        "other names": [f"`{name}` ({of})" for name, of in units.SPELLED_OUT.items()],
+        "prefixes, and their power of ten": [f"`{name}` ({power})" for name, power in units.PREFIXES.items()],
+        "units that take a prefix": [f"`{name}`" for name in units.TAKE_PREFIX],
+    }
+    return _UNITS + "".join(f"| {name} | {', '.join(names)} |\n" for name, names in rows.items())
 
 
 def _paths(parts: dict[str, Any]) -> dict[str, str]:
