@@ -19,7 +19,6 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 from beamsim.kinds import KINDS
-from beamsim.version import __version__
 
 if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
     from beamsim.trust.runs import run
     from beamsim.trust.studies import design_study
     from beamsim.trust.with_finer_model import coexisting, continuation, nnm, sweep
+    from beamsim.version import __version__
 
 _NAMES = {
     "beamsim.analyses.studies.plan": ("plan_designs",),
@@ -61,6 +61,7 @@ _NAMES = {
     "beamsim.analyses.compare.analysis": ("ChannelChoice", "pair_channels"),
     "beamsim.analyses.compare_modes.analysis": ("read_shapes",),
     "beamsim.store.results": ("load", "write_result"),
+    "beamsim.version": ("__version__",),
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 for _kind in KINDS.values():  # the function and the class of each

@@ -19,7 +19,6 @@ from beamsim.cli.session import CommandOptions, with_exit_code
 from beamsim.errors import MOST_HOURS, allowing_hours
 from beamsim.files import protected_files
 from beamsim.kinds import TemplateKind
-from beamsim.version import __version__
 
 COMPUTATION_OPTIONS = ("overrides", "output", "json", "no_plots", "quiet", "verbose", "allow_hours")
 RESULT_OPTIONS = ("output", "json", "quiet")
@@ -538,6 +537,8 @@ def pad(
 
 def _version(show: bool) -> None:
     if show:
+        from beamsim.version import __version__
+
         print(f"beamsim {__version__}")
         raise typer.Exit
 
