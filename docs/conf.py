@@ -27,17 +27,21 @@ for _name, _page in PAGES.items():
     (GENERATED / f"{_name}.md").write_text(_page(), encoding="utf-8")
 
 project = "beamsim"
-author = "the beamsim authors"
+author = project_copyright = "the beamsim authors"
 version = release = __version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
-myst_enable_extensions = ["dollarmath", "amsmath"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_design"]
+myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence"]
 myst_heading_anchors = 3
 exclude_patterns = ["site_pages", "tutorial.md"]  # the tutorial is built with what its commands print
 autodoc_typehints = "signature"
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+smartquotes = False  # quotes of commands are copied into shells
+highlight_language = "none"  # of blocks that name no language: screens, commands
 html_theme = "furo"
-html_title = f"beamsim {version}"
+html_title = f"beamsim {version.partition('+')[0]}"  # without the commit
 html_show_sourcelink = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_extra_path = ["scenario.schema.json"]

@@ -15,11 +15,9 @@ from beamsim.cli.app import app
 _INTRODUCTION = """\
 # Commands
 
-This page lists all commands and their options, as `beamsim COMMAND --help` prints them. Exit codes are 0 for
-success, 1 for a program error, 2 for bad usage or an invalid scenario, 3 for an incomplete or unreliable result (it
-is kept), 4 for a limit exceeded under `--check`, 5 for a file that could not be written, 130 and 143 for an
-interruption, and 141 for a broken pipe. Under `--check`, 3 also means that the verdict on a limit is uncertain. The
-README has the whole table.
+This page is a reference for everybody who types a command. It lists all commands and their options, as
+`beamsim COMMAND --help` prints them. [What beamsim can do](../features.md) shows which command suits which question;
+[outcomes and exit codes](../exit_codes.md) shows how a command can end.
 
 """
 

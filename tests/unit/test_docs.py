@@ -31,8 +31,8 @@ def test_result_files_are_documented_as_they_are_declared():
     assert regenerate(text.replace("| `time` | s |", "| `time` | h |")) == text
 
 
-def test_cases_in_the_readme_load():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_cases_of_the_page_about_writing_cases_load():
+    text = (ROOT / "docs/cases.md").read_text(encoding="utf-8")
     cases = re.findall(r"```yaml\n(.*?)```", text, flags=re.S)
     assert cases
     for case in cases:
@@ -112,12 +112,46 @@ def test_the_files_of_the_tutorial_load_and_its_pictures_are_those_of_its_comman
     assert site_pages.tutorial._COMMANDS.findall(text)
 
 
-def test_every_page_is_in_the_site():
-    index = (ROOT / "docs/index.md").read_text(encoding="utf-8")
-    listed = set(re.findall(r"^(?:generated/)?([\w/]+)$", index, flags=re.M))
-    pages = {path.stem for path in (ROOT / "docs").glob("*.md")} - {"index"}
-    assert pages <= listed
-    assert {f"notebooks/{path.stem}" for path in (ROOT / "docs/notebooks").glob("*.ipynb")} <= listed
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 900
+
+
+def broken_links(path):
+    """Links of a Markdown file to files and headings that do not exist; addresses of the web are not followed."""
+    found = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", path.read_text(encoding="utf-8")):
+        file, _, heading = link.partition("#")
+        target = path.parent / file if file else path
+        if "://" not in link and not (target.exists() and (not heading or heading in headings(target))):
+            found.append(link)
+    return found
+
+
+def headings(path):
+    """Names by which links refer to the headings of a Markdown file."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in re.findall(r"^#+ (.*)$", text, re.M)}
+
+
+@pytest.mark.parametrize("document", [*sorted(path.name for path in ROOT.glob("*.md")), "configs/README.md"])
+def test_links_of_documents_outside_the_site_resolve(document):
+    """Of those inside it, sphinx-build -W reports every broken link and every page that no table of contents lists."""
+    assert broken_links(ROOT / document) == []
+
+
+def test_a_broken_link_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# One `word`: two\n[a](#one-word-two) [b](page.md#two) [c](other.md) [d](https://e.f)", encoding="utf-8"
+    )
+    assert broken_links(page) == ["page.md#two", "other.md"]
+
+
+def test_the_first_page_of_the_site_has_the_commands_of_the_readme():
+    readme, index = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/index.md"))
+    commands = re.findall(r"^(?:python3 -m|beamsim .*configs).*$", readme, re.M)
+    assert len(commands) == 2 + 5
+    assert [command for command in commands if command not in index.replace("&&\n  ", "&& ")] == []
 
 
 def named_functions(text):
