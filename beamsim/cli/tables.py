@@ -125,7 +125,7 @@ class _PrintedEntry(NamedTuple):
             yield from self._record(title, row, value, place)
         elif _is_table(value):
             yield from self._records(" ".join(filter(None, (title, row))), value, place)
-        else:
+        elif value not in ([], ()):
             own = "" if place or self.entry.section else "summary"
             yield Cell(self.entry.section or own or title, row, title, self._text(value, place))
 

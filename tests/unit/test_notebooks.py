@@ -1,12 +1,16 @@
 """Results in a notebook: a table, figures, data frames, a tree of datasets."""
 
 import html
+from pkgutil import resolve_name
+from typing import get_origin
 
 import numpy as np
 import pytest
 
 import beamsim
 from beamsim.cli.tables import all_rows, table_rows
+from beamsim.kinds import KINDS
+from beamsim.outcomes import COMPLETE
 
 CHAIN = {
     "title": "One mass & its stop",
@@ -82,3 +86,12 @@ def test_the_table_of_a_result_file_is_that_of_the_run(changes, tmp_path):
     run = beamsim.run(beamsim.load_scenario(case | changes))
     stored = beamsim.load(beamsim.write_result(run, tmp_path / "case.h5"))
     assert list(table_rows(stored)) == list(table_rows(run))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_empty_lists_of_a_summary_are_no_rows_of_its_table(kind):
+    """Such as motions without disturbances, or a sweep without notches."""
+    cls = resolve_name(KINDS[kind].result)
+    empty = {entry.name: [] for entry in cls.SUMMARY if get_origin(entry.form) is list}
+    result = cls(scenario=None, outcome=COMPLETE, summary=empty)
+    assert [row for row in table_rows(result) if row[0] != "wall time"] == []
