@@ -95,7 +95,10 @@ def _sketch(entry: Entry, folder: Path) -> list[Path]:
 def page(folder: Path) -> str:
     """Run the configs, save their pictures in ``folder`` and return the page as MyST Markdown."""
     folder.mkdir(parents=True, exist_ok=True)
-    parts = ["# Gallery\n\nEvery picture is one of those that the command writes with its result file.\n\n"]
+    parts = [
+        "# Gallery\n\nThis page is for readers who look for a kind of result. Every picture is one of those that the "
+        "command above it writes.\n\n"
+    ]
     shown: dict[str, list[Path]] = {}
     for entry in ENTRIES:
         if entry.config not in shown:

@@ -18,11 +18,11 @@ PAGE = Path(__file__).parents[1] / "relative_values.md"
 _INTRODUCTION = """\
 # Values that are relative to something else
 
-This page lists the keys that take a share, a ratio or a factor, or have a default that follows from other numbers. For
-example, `position: 40 %` is a share of the length of a beam. If a study, an override or an identification changes the
-length, the position follows. Write shares and ratios in percent or as plain numbers (0.02 for 2 %), shares of a length
-only in percent (0.4 means 0.4 m). The page is made from the fields of a scenario
-(`python -m docs.site_pages.relative_values`).
+This page is for people who vary a case. It lists the keys that take a share, a ratio or a factor, or have a default
+that follows from other numbers. For example, `position: 40 %` is a share of the length of a beam. If a study, an
+override or an identification changes the length, the position follows. Write shares and ratios in percent or as plain
+numbers (0.02 for 2 %), shares of a length only in percent (0.4 means 0.4 m). The page is made from the fields of a
+scenario (`python -m docs.site_pages.relative_values`).
 
 """
 

@@ -13,9 +13,9 @@ PAGE = Path(__file__).parents[1] / "scenario_keys.md"
 _INTRODUCTION = """\
 # Keys of a scenario
 
-This page lists all keys of a scenario. A quantity is a number in the SI unit of the table, or a text with any
-[unit](#units) of the same dimension, such as `5 mm`. The page is made from the JSON Schema (`beamsim schema`), which
-also describes the scenario to editors.
+This page is a reference for people who write cases. It lists all keys of a scenario. A quantity is a number in the SI
+unit of the table, or a text with any [unit](#units) of the same dimension, such as `5 mm`. The page is made from the
+JSON Schema (`beamsim schema`), which also describes the scenario to editors.
 
 """
 _UNITS = """\
