@@ -40,7 +40,8 @@ nb_execution_timeout = 300
 smartquotes = False  # quotes of commands are copied into shells
 highlight_language = "none"  # of blocks that name no language: screens, commands
 html_theme = "furo"
-html_title = f"beamsim {version.partition('+')[0]}"  # without the commit
+# without the commit, and without a number before the first release
+html_title = f"beamsim {version.partition('+')[0]}".removesuffix(" 0.0")
 html_show_sourcelink = False
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
