@@ -284,8 +284,10 @@ def _solve_linear(system: StructuralSystem, omega: Floats, phases: Ints, loads: 
     pushed = dynamics.contacts.dynamic_stiffness(phases, omega)
     inertia = np.diag(dynamics.stiffness) - omega[:, None, None] ** 2 * np.eye(dynamics.size)
     matrix = inertia + 1j * omega[:, None, None] * dynamics.damping + (shape.T * pushed[:, None, :]) @ shape
+    with suppress(np.linalg.LinAlgError):
+        return np.asarray(np.linalg.solve(matrix, loads))
     solution = np.full(loads.shape, np.nan, dtype=complex)
-    for of, one, load in zip(solution, matrix, loads, strict=True):
+    for of, one, load in zip(solution, matrix, loads, strict=True):  # at some frequency there is none
         with suppress(np.linalg.LinAlgError):
             of[:] = np.linalg.solve(one, load)
     return solution
