@@ -89,7 +89,7 @@ def test_a_link_between_masses_feels_no_common_motion():
     }
     excitation = {"kind": "harmonic", "applied_to": "base", "level": 1.0, "frequency": 0.3}
     start = {"velocity": [1 / (0.6 * np.pi), 1 / (0.6 * np.pi)]}  # at rest in absolute terms: d' = -v
-    run = {"duration": 10.0, "sample_rate": 20.0, "start": start}
+    run = {"duration": 5.0, "sample_rate": 20.0, "start": start}
     for several in (more["springs_between"], more["springs_between"][:2]):  # by stepping, exactly
         case = chain([1, 2], [0, 0], {**more, "springs_between": several}, excitation=excitation, run=run)
         result = beamsim.run(case)
@@ -97,10 +97,10 @@ def test_a_link_between_masses_feels_no_common_motion():
             np.testing.assert_allclose(
                 result["histories"]["absolute_displacement"].sel(probe=name).values, 0.0, atol=1e-10
             )
-        grounded = {"springs_to_ground": [{"mass": 1, "kind": "linear", "stiffness": 3.0, "name": "foot"}]}
-        held = beamsim.run(chain([1, 2], [0, 0], {**more, **grounded}, excitation=excitation, run=run))
-        # the ground stands still
-        np.testing.assert_allclose(held["histories"]["absolute_displacement"].sel(probe="m2").values, 0.0, atol=1e-10)
+    grounded = {"springs_to_ground": [{"mass": 1, "kind": "linear", "stiffness": 3.0, "name": "foot"}]}
+    held = beamsim.run(chain([1, 2], [0, 0], {**more, **grounded}, excitation=excitation, run=run))
+    # the ground stands still
+    np.testing.assert_allclose(held["histories"]["absolute_displacement"].sel(probe="m2").values, 0.0, atol=1e-10)
 
 
 # -- piecewise-linear springs ----------------------------------------------------------------------------------------
@@ -123,7 +123,8 @@ def force(breakpoints, slopes, x):
 
 
 def potential(breakpoints, slopes, x):
-    return quad(lambda s: float(force(breakpoints, slopes, s)), 0.0, x, points=breakpoints, epsabs=1e-14)[0]
+    corners = np.array(sorted([0.0, x, *(bend for bend in breakpoints if min(0.0, x) < bend < max(0.0, x))]))
+    return float(np.sign(x) * np.trapezoid(force(breakpoints, slopes, corners), corners))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -166,14 +167,14 @@ def test_period_of_a_piecewise_linear_oscillator(law):
     """The only spring of a mass, to the ground, or of the relative motion of two free masses."""
     breakpoints, slopes = LAWS[law]
     spring = {"kind": "piecewise_linear", "breakpoints": breakpoints, "stiffnesses": slopes}
-    alone = chain([2.0], [0], {"springs_to_ground": [{"mass": 1, **spring}]}, run=run_section(80.0, [1.5]))
+    alone = chain([2.0], [0], {"springs_to_ground": [{"mass": 1, **spring}]}, run=run_section(40.0, [1.5]))
     pair = chain(
         [M1, M2], [0, 0], {"springs_between": [{"masses": [2, 1], **spring}]},
-        run=run_section(80.0, [-1.5 * REDUCED / M1, 1.5 * REDUCED / M2]),
+        run=run_section(40.0, [-1.5 * REDUCED / M1, 1.5 * REDUCED / M2]),
     )  # fmt: skip
     for case, mass in ((alone, 2.0), (pair, REDUCED)):
         system = build_system(case)
-        trajectory = simulate(ExactFlow(system.dynamics, system.forcing, 80.0), system.initial_state)
+        trajectory = simulate(ExactFlow(system.dynamics, system.forcing, 40.0), system.initial_state)
         again = trajectory.event_time[trajectory.event_phase == trajectory.event_phase.max()]  # once a period
         assert again.size > 3
         period = exact_period(breakpoints, slopes, 1.5, mass)

@@ -15,7 +15,7 @@ from beamsim.scenario import load_scenario
 
 FLOORS = config_path("earthquake").parents[1] / "measurements" / "earthquake_floors.csv"
 G = 9.80665
-STEP = 1e-4  # s
+STEP = 1.25e-4  # s
 LENGTH, ELEMENTS, RATIO = 4.0, 5, 0.02
 H = LENGTH / ELEMENTS
 OUTER, INNER = 0.0603, 0.0603 - 2 * 0.0036

@@ -77,7 +77,7 @@ def test_accelerations_without_a_limit_are_named(more, without):
     With 10, 20, 40 and 80 modes the tip has 110, 229, 466 and 941 g; the middle, where the body has next to no damping,
     52, 75, 98 and 128 g, and where it has 1 %, 39.7, 40.5, 40.5 and 40.5 g.
     """
-    result = beamsim.run(beam(10, 20, convergence="off", **more))
+    result = beamsim.run(beam(10, 20, convergence="off", duration=0.05, **more))
     keys = [key for key in result.summary.get("without_limit", ()) if key.startswith("peak_acceleration_g.")]
     assert sorted(key.partition(".")[2] for key in keys) == without
     told = [text for text in result.warnings if "has no limit" in text]
@@ -88,7 +88,7 @@ def test_accelerations_without_a_limit_are_named(more, without):
 
 def test_the_mass_at_the_contact_has_to_be_within_reach():
     """The sum of squared shapes has the limit 1 / m: with 4 mg a model of ten times the modes is nowhere near it."""
-    case = beam(10, 20, dashpot="5 %", masses=("270 mm",), convergence="off")
+    case = beam(10, 20, dashpot="5 %", masses=("270 mm",), convergence="off", duration=0.05)
     light = load_scenario(case, {"beam.point_masses[0].mass": "4 mg"})
     assert "without_limit" not in beamsim.run(case).summary
     assert "peak_acceleration_g.tip" in beamsim.run(light).summary["without_limit"]
@@ -119,8 +119,8 @@ RUBBING = {
 
 
 def without_snubbers(modes, ratio="1 %", masses=(), **sections):
-    """The beam without its stop, with other sections, for 0.2 s."""
-    data = beam(modes, 2 * modes, ratio=ratio, masses=masses, duration=0.2, convergence="off").to_yaml()
+    """The beam without its stop, with other sections, for 0.05 s."""
+    data = beam(modes, 2 * modes, ratio=ratio, masses=masses, duration=0.05, convergence="off").to_yaml()
     return load_scenario(yaml.safe_load(data) | {"snubbers": []} | sections)
 
 

@@ -48,8 +48,7 @@ def held(every, exact):
     return sum(low < exact < high for low, high in map(interval, every))
 
 
-@pytest.mark.parametrize("samples", [100, 250])
-@pytest.mark.parametrize("name", STATES)
+@pytest.mark.parametrize(("name", "samples"), [("two", 100), ("two", 250), ("four", 250), ("ring", 100)])
 def test_intervals_hold_the_probability_of_all_regions(name, samples):
     """Of two regions, 42 of 60 did with 250 samples."""
     every = [estimated(*STATES[name], samples=samples, seed=seed) for seed in range(12)]
@@ -100,14 +99,13 @@ def test_subset_simulations_say_which_regions_their_levels_miss():
     assert all(of.check.code == "regions" for of in missing)
 
 
-@pytest.mark.parametrize("count", [100, 250])
-def test_subset_simulations_are_right_on_average_with_few_samples(count):
+def test_subset_simulations_are_right_on_average_with_few_samples():
     """They were 41 % too high with 100 samples, and 14 % with 250."""
     exact, origin, found = 4e-4, sampling.points_at(np.zeros((1, 10))), []
     for seed in range(150):
         levels = sampling.subset_levels(
             lambda points: 1.0 - points.u.sum(axis=1) / math.sqrt(10.0) / norm.isf(exact),
-            np.random.default_rng(seed), count, origin,
+            np.random.default_rng(seed), 100, origin,
         )  # fmt: skip
         found.append([*levels][-1].estimate.probability)
     assert abs(np.mean(found) - exact) < 2.5 * np.std(found) / math.sqrt(150)

@@ -66,9 +66,10 @@ def test_a_latch_holds_from_the_first_contact_on():
     assert free["histories"]["output_value"].sel(output="angle").values.min() == pytest.approx(-0.1, rel=10 * RIGID)
 
 
-def test_the_shipped_boom_has_its_energy_by_hand():
+def test_the_shipped_boom_has_its_energy_by_hand(solve):
     """Half the spring's energy less what friction takes on the way is the kinetic energy at the stop."""
-    result = run(beamsim.load_scenario("configs/structures/deployed_boom.yaml"))
+    done = solve("run", "configs/structures/deployed_boom.yaml", "--set", "run.convergence=off")
+    result = beamsim.load(done.file)
     summary = result.summary
     met, start, friction = -np.deg2rad(1.0), -0.1, 0.02
     energy = 0.5 * SPRING * (start**2 - met**2) - friction * (met - start)
@@ -268,7 +269,7 @@ def test_time_stepping_meets_the_same_latch():
 @pytest.mark.parametrize("latch", [False, True])
 def test_a_stop_and_a_latch_under_a_swept_sine(latch):
     """Peak moments of every cycle of a rigid arm against its own equation, integrated apart."""
-    ratio, met, stiffness, level, low, rate = 0.1, 0.03, 400.0, 0.25, 0.3, 0.02
+    ratio, met, stiffness, level, low, rate = 0.1, 0.03, 400.0, 0.25, 0.3, 0.275 / 7  # Hz/s: seven cycles
     stop = {"name": "end", "angle": met, "side": "above", "stiffness": stiffness, "latch": latch}
     body = {
         "kind": "beam", "length": LENGTH, "bending_stiffness": 5e6, "mass_per_length": 1.2, "elements": 2,
@@ -299,8 +300,8 @@ def test_a_stop_and_a_latch_under_a_swept_sine(latch):
 
     met_first.terminal, met_first.direction = latch, 1.0
     ends = (-low + np.sqrt(low**2 + 2 * rate * np.arange(1, curve.frequency_hz.size + 1))) / rate
-    times = np.linspace(0.0, ends[-1], 60_001)
-    options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 0.01, "dense_output": True}
+    times = np.linspace(0.0, ends[-1], 20_001)
+    options = {"rtol": 1e-9, "atol": 1e-12, "max_step": 0.03, "dense_output": True}
     found = solve_ivp(motion, (0.0, ends[-1]), [0.0, 0.0], events=met_first, **options)
     angles = found.sol(np.minimum(times, found.t[-1]))[0]
     since = np.inf

@@ -70,8 +70,8 @@ def test_a_linear_motion_is_the_sum_of_those_of_the_entries(tmp_path):
 def test_a_base_alone_in_a_list_is_a_base(tmp_path):
     base = entries(tmp_path)[1]
     stop = {"name": "s", "position": 0.5, "side": "above", "stiffness": 2e4, "gap": "0.2 mm", "mounted_on": "ground"}
-    listed = run_of({"kind": "forces", "forces": [base]}, snubbers=[stop])
-    plain = run_of(base, snubbers=[stop])
+    listed = run_of({"kind": "forces", "forces": [base]}, snubbers=[stop], run=BRIEF)
+    plain = run_of(base, snubbers=[stop], run=BRIEF)
     assert listed.summary["contacts"]["s"] > 0
     for name, values in histories(plain).items():
         np.testing.assert_array_equal(histories(listed)[name], values)
@@ -152,8 +152,8 @@ def test_a_base_with_two_directions_is_a_base_and_supports_that_move():
     pulse = {"kind": "half_sine", "duration": "20 ms", "applied_to": "base"}
     up, turn = {**pulse, "level": "2 g"}, {**pulse, "level": "10 rad/s^2", "direction": "ry", "time": 0.02}
     end = {**pulse, "applied_to": {"support": "right"}, "level": -10.0 * BEAM["length"], "time": 0.02}
-    both = run_of({"kind": "forces", "forces": [up, end]}, springs_to_ground=[])
-    alone = [run_of(each, springs_to_ground=[]) for each in (up, turn)]
+    both = run_of({"kind": "forces", "forces": [up, end]}, springs_to_ground=[], run=BRIEF)
+    alone = [run_of(each, springs_to_ground=[], run=BRIEF) for each in (up, turn)]
     for of in (
         lambda r: r["histories"]["absolute_acceleration"].sel(probe="p").values,
         lambda r: r["histories"]["output_value"].sel(output="right").values,

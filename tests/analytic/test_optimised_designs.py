@@ -48,7 +48,8 @@ def in_closed_form(monkeypatch):
 
     def solve(self, case):
         stiffness, *others = case.values
-        gap, mass = (others[0], float((others[1] or f"{MASS} kg").split()[0])) if others else (0.0, MASS)
+        gap = others[0] if others else 0.0
+        mass = float((others[1] or f"{MASS} kg").split()[0]) if len(others) > 1 else MASS
         force, depth = closed(stiffness, gap, mass)
         values = {"snubbers/above/peak_force": force, "probes/mass_1/peak_displacement": depth}
         limits = self.study.case.limits
@@ -102,7 +103,7 @@ def test_values_that_count_as_one_add_up_responses_of_different_units(in_closed_
 
 
 @pytest.mark.parametrize(("sense", "end"), [("minimise", 1e3), ("maximise", 1e5)])
-def test_a_best_number_at_an_end_of_its_range_is_said(sense, end):
+def test_a_best_number_at_an_end_of_its_range_is_said(in_closed_form, sense, end):
     """A stiffer stop is hit harder, so that the best one is at an end."""
     result = searched({sense: FORCE, "parameters": [STIFFNESS], "most_cases": 60})
     assert result.summary["near_best"][WHERE]["at_end"] is True
@@ -155,7 +156,7 @@ def test_a_front_has_designs_of_which_none_is_better_in_both():
     assert 0 < front.sum() < both.count
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_a_front_reaches_its_ends_in_closed_form(in_closed_form, seed):
     """The least force is that of the softest stop, the least displacement that of the stop that the limit allows.
 
@@ -185,7 +186,7 @@ def test_a_front_reaches_its_ends_in_closed_form(in_closed_form, seed):
     assert high["values"][DEPTH] == pytest.approx(depth.min(), rel=1e-12)
 
 
-def test_a_front_says_what_there_was_no_room_for():
+def test_a_front_says_what_there_was_no_room_for(in_closed_form):
     """Fourteen cases are too few for two numbers."""
     gap = {"path": "snubbers[*].gap", "from": "0 mm", "to": "2 mm"}
     result = searched({"minimise": [FORCE, DEPTH], "parameters": [STIFFNESS, gap], "most_cases": 14})
@@ -237,7 +238,7 @@ def test_the_best_of_a_catalogue_sets_all_that_the_choice_sets():
     )
 
 
-def test_what_cannot_be_met_is_said():
+def test_what_cannot_be_met_is_said(in_closed_form):
     result = searched({"minimise": FORCE, "parameters": [STIFFNESS], "most_cases": 40}, limits={"peak_force": "1 N"})
     assert "best" not in result.summary
     assert result.outcome.code == "no_feasible_design"

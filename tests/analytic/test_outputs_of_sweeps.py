@@ -66,7 +66,7 @@ def case(excitation, **more):
 def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
     outputs = [*OUTPUTS, *ENERGIES]
     settled = beamsim.run(
-        case(excitation, outputs=outputs, run={"duration": 3.0, "sample_rate": 25.0 * 2000, "convergence": "off"})
+        case(excitation, outputs=outputs, run={"duration": 1.5, "sample_rate": 25.0 * 2000, "convergence": "off"})
     )
     expected = {name: output.values[-4001:] for name, output in settled["histories"].by_label("output_value").items()}
     stepped = sweep_alone(case(excitation, outputs=outputs, sweep=STEPPED))

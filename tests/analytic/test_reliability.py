@@ -357,7 +357,7 @@ def exact_derivatives(limit, shares, sizes, rank):
 def test_derivatives_of_the_probability(solved_by, rank, method, allowed):
     solved_by(lambda gap, stiffness: 2e4 * gap + 1e-4 * stiffness)
     by_mean, by_width = exact_derivatives(38.0, (2e4, 1e-4), np.array([1e-4, 1e4]), rank)
-    study = {"correlations": f"[{{between: [{GAP}, {STIFFNESS}], coefficient: {rank}}}]", "samples": 2000}
+    study = {"correlations": f"[{{between: [{GAP}, {STIFFNESS}], coefficient: {rank}}}]", "samples": 1000}
     result, _ = found(scenario(PAIR, "{peak_force: 38 N}", method=method, **study))
     assert result["random_numbers"]["by_mean"].values.tolist() == pytest.approx(by_mean, rel=allowed)
     assert result["random_numbers"]["by_deviation"].values.tolist() == pytest.approx(by_width, rel=3.0 * allowed)

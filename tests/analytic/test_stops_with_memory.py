@@ -141,14 +141,10 @@ LAWS = {
 )  # fmt: skip
 def test_what_is_pressed_at_the_start_is_not_made_there(law, speed, method):
     """By a gap of less than zero, here at a point of the tables, or by a preload; moving in, out or neither."""
-    pressed = case(LAWS[law], -1e-3, speed, run={**method, "duration": 1e-3})
-    preload = case(LAWS[law], None, run={**method, "duration": 0.05, "start": "static_equilibrium"}, excitation={
-        "kind": "harmonic", "applied_to": "base", "level": 0.5, "frequency": 20.0,
-    })  # fmt: skip
-    preload = preload.model_copy(update={
-        "chain": preload.chain.model_copy(update={"snubbers": (
-            preload.chain.snubbers[0].model_copy(update={"gap": None, "preload": 15.0}),)})})  # fmt: skip
-    for scenario in (pressed, preload):
+    cases = [case(LAWS[law], -1e-3, speed, run={**method, "duration": 1e-3})]
+    if speed > 0.0 or "method" in method:  # once: with a preload the mass begins at rest
+        cases.append(preloaded(law, method))
+    for scenario in cases:
         result = beamsim.run(scenario)
         assert result.summary["contacts"]["s"] == 0
         assert not result["events"]["time"].values.size
@@ -158,6 +154,16 @@ def test_what_is_pressed_at_the_start_is_not_made_there(law, speed, method):
             assert result["impacts"]["cut"].values.tolist() == [True]
             assert np.isnan(result["impacts"]["approach_speed"].values[0])
             assert np.isnan(result.summary["impacts"]["s"]["highest_approach_speed_m_s"])
+
+
+def preloaded(law, method):
+    """A mass at rest on a stop under 15 N, which the base shakes too little to open it."""
+    preload = case(LAWS[law], None, run={**method, "duration": 0.05, "start": "static_equilibrium"}, excitation={
+        "kind": "harmonic", "applied_to": "base", "level": 0.5, "frequency": 20.0,
+    })  # fmt: skip
+    return preload.model_copy(update={
+        "chain": preload.chain.model_copy(update={"snubbers": (
+            preload.chain.snubbers[0].model_copy(update={"gap": None, "preload": 15.0}),)})})  # fmt: skip
 
 
 @pytest.mark.parametrize("law", LAWS)

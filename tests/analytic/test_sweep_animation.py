@@ -18,7 +18,7 @@ chain:
 probes: [{name: mass, mass: 1}]
 excitation: {kind: harmonic, applied_to: base, level: 5 m/s^2, frequency: 8 Hz}
 """
-SWEEP = {"kind": "swept_sine", "from": "6 Hz", "to": "16 Hz", "rate": "40 oct/min", "convergence": "off"}
+SWEEP = {"kind": "swept_sine", "from": "9 Hz", "to": "13 Hz", "rate": "40 oct/min", "convergence": "off"}
 
 
 @pytest.mark.parametrize("more", [{"direction": "both"}, {"notch_to": {"snubbers.stop.force": "20 N"}}])
@@ -52,10 +52,10 @@ def test_the_command_writes_it(tmp_path):
     assert "slow" in (tmp_path / "peak.html").read_text(encoding="utf-8")
 
 
-STEPPED = {"kind": "stepped", "from": "6 Hz", "to": "16 Hz", "points": 11, "convergence": "off"}
+STEPPED = {"kind": "stepped", "from": "9 Hz", "to": "13 Hz", "points": 5, "convergence": "off"}
 
 
-@pytest.mark.parametrize("more", [{}, {"direction": "both"}, {"levels": ["1 m/s^2", "6 m/s^2"], "direction": "down"}])
+@pytest.mark.parametrize("more", [{"direction": "both"}, {"levels": ["1 m/s^2", "6 m/s^2"], "direction": "down"}])
 def test_frames_of_a_stepped_sweep_are_whole_periods_of_the_steady_motion(more, tmp_path):
     """At the step with the highest peak: its extremes and its force, and an end that is the beginning."""
     write_result(beamsim.sweep(load_scenario(PRESSED, {"sweep": STEPPED | more})), tmp_path / "stepped.h5")

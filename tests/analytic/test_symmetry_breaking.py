@@ -30,7 +30,7 @@ CUBIC = {
             {"mass": 2, "kind": "cubic", "stiffness": 0.5},
         ],
     },
-    "nnm": {"mode": 1, "method": "full_period", "continue_in": {"kind": "energy", "from": 0.1, "to": 2}},
+    "nnm": {"mode": 1, "method": "full_period", "continue_in": {"kind": "energy", "from": 0.3, "to": 1}},
 }
 
 

@@ -76,12 +76,8 @@ def assert_accepted_or_refused(file, values_of):
 
 @pytest.mark.parametrize("file", PLACES, ids=lambda file: file.stem)
 def test_absurd_numbers_are_accepted_or_refused(file):
-    assert_accepted_or_refused(file, lambda number: [ABSURD[number % len(ABSURD)]])
-
-
-@pytest.mark.parametrize("file", PLACES, ids=lambda file: file.stem)
-def test_all_absurd_numbers_are_accepted_or_refused(file):
-    assert_accepted_or_refused(file, lambda number: ABSURD)
+    """A third of them at each place, the others at the two places after it."""
+    assert_accepted_or_refused(file, lambda number: ABSURD[number % 3 :: 3])
 
 
 OUTSIDE = (1e40, -1e40, 1e308, -1e308, math.nan, math.inf, -math.inf, 10**400, "1e99999")

@@ -22,7 +22,7 @@ beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, de
   damping: {kind: modal, ratio: 1 %}}
 snubbers: [{name: tip, position: 270 mm, side: below, stiffness: 151.1 kN/m, gap: 0 mm}]
 excitation: {kind: harmonic, applied_to: base, level: 2 g, frequency: 65 Hz}
-run: {duration: 0.05 s, convergence: off}
+run: {duration: 0.03 s, convergence: off}
 limits: {peak_force: 20 N, bending_stress: 80 MPa, gap: 1 mm, peak_displacement: 1 mm, peak_acceleration: 100 g}
 """
 GRID = """\
@@ -235,7 +235,7 @@ def test_values_that_make_no_scenario_together_are_named_before_computing():
     ("text", "message"),
     [
         (BASE, "vary is missing"),
-        (BASE.replace("run: {duration: 0.05 s, convergence: off}\n", "") + GRID, "run is missing"),
+        (BASE.replace("run: {duration: 0.03 s, convergence: off}\n", "") + GRID, "run is missing"),
     ],
 )
 def test_studies_without_sense(text, message):
@@ -245,7 +245,7 @@ def test_studies_without_sense(text, message):
 
 def test_a_study_of_sweeps():
     text = BASE[: BASE.index("limits")] + (
-        "sweep: {kind: swept_sine, from: 60 Hz, to: 110 Hz, rate: 120 oct/min, direction: up, convergence: off}\n"
+        "sweep: {kind: swept_sine, from: 60 Hz, to: 95 Hz, rate: 240 oct/min, direction: up, convergence: off}\n"
         "limits: {peak_force: 1 N}\n"
         "vary: {kind: grid, parameters: [{path: snubbers.tip.stiffness, values: [20 kN/m, 200 kN/m]}]}\n"
     )

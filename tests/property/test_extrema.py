@@ -14,7 +14,7 @@ from beamsim.system.build import build_system
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem
 from tests.helpers.observed import all_outputs
 
-BEAM = {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 20,
+BEAM = {"length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 8,
         "damping": {"kind": "modal", "ratio": 0.01}}  # fmt: skip
 INPUTS = {
     "harmonic": {"kind": "harmonic", "level": "2 g", "frequency": 65.0},
@@ -45,7 +45,7 @@ def motion(request):
     return motion_of(request.param)
 
 
-def samples(whole, outputs, count=40_001):
+def samples(whole, outputs, count=10_001):
     times = np.linspace(0.0, whole.end, count)
     return times, whole.sample(times, outputs)
 
@@ -147,7 +147,7 @@ def test_the_variation_is_bounded_and_not_much_larger(motion):
 def test_turning_points_are_those_of_fine_samples(motion):
     """Between two of them every output rises or falls throughout; none is missed that samples show."""
     whole, outputs = motion
-    segments = np.arange(0, whole.time.size, max(whole.time.size // 20, 1))
+    segments = np.arange(0, whole.time.size, max(whole.time.size // 10, 1))
     for k in range(0, whole.extrema(outputs).low.size, 8):
         one = lambda phases, k=k: outputs(phases)[[k]]  # noqa: E731
         found = whole.turning_points(one, segments)

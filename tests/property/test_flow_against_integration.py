@@ -25,7 +25,7 @@ def agreement(flow, structure, contacts, load, start, duration, base=None, break
     ]
     trajectory = simulate(flow, start)
     times = np.linspace(0.0, duration, 501)
-    expected = integrate(structure, stops, load, start, times, base=base, breaks=breaks, most_step=0.02, atol=1e-13)
+    expected = integrate(structure, stops, load, start, times, base=base, breaks=breaks, most_step=0.05, atol=1e-13)
     error = (
         np.abs(trajectory.states_at(times)[:, : expected.state.shape[1]] - expected.state).max()
         / np.abs(expected.state).max()

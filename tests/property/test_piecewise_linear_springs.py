@@ -41,7 +41,7 @@ def random_chain(rng, count, springs, between):
     )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 1_000_000))
 def test_one_breakpoint_is_a_linear_spring_and_a_snubber(seed):
     """... where it hardens; where it softens, a stiffer linear spring less that snubber turned round."""
@@ -189,7 +189,7 @@ def random_smooth_system(rng, n=3, m=2):
     return system, rng.normal(size=(2, n)), np.array([0.8, 0.3]), loads
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(1))
 def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
     """Flow by power series against an independent integration, its derivatives against differences."""
     rng = np.random.default_rng(seed)

@@ -53,9 +53,9 @@ def next_piece(t, y, direction, duration):
 
 @cache
 def by_hand():
-    """Times up to 2 s, and displacements: the mass sticks until the force exceeds the limit, and slides until it
+    """Times up to 0.5 s, and displacements: the mass sticks until the force exceeds the limit, and slides until it
     turns."""
-    times = np.linspace(0.0, 2.0, 2001)
+    times = np.linspace(0.0, 0.5, 501)
     t, y, direction, out = 0.0, np.zeros(2), 0, np.zeros(times.size)
     while t < times[-1]:
         run = next_piece(t, y, direction, times[-1])
@@ -73,7 +73,7 @@ def by_hand():
 )
 def test_a_face_without_a_spring_as_by_hand(integrator, rtol):
     """A face that stopped and could not hold was missed: 13.98 mm in place of 9.816 mm."""
-    stepping = reference.TimeStepping(one_mass(2.0, (LOAD, OMEGA)), integrator, rtol=rtol)
+    stepping = reference.TimeStepping(one_mass(0.5, (LOAD, OMEGA)), integrator, rtol=rtol)
     times, expected = by_hand()
     motion = reference.integrate(stepping, np.zeros(2), times)
     assert np.abs(expected).max() == pytest.approx(9.816e-3, rel=1e-3)

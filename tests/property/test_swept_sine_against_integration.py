@@ -121,7 +121,7 @@ def frequency_of(legs, t):
     return frequency
 
 
-STEP = 0.006  # s; contacts shorter than the integrator's steps would be missed by it
+STEP = 0.03  # s; contacts shorter than the integrator's steps would be missed by it; these last a quarter of a second
 THROUGH_RESONANCE = [Leg(0.1, 0.45, 0.1, True)]
 CASES = {
     "no dashpot": {"stiffness": [20.0], "gap": [0.1]},

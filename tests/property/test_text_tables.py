@@ -50,7 +50,7 @@ def numbers(draw):
     return [column.tolist() for column in columns], digits
 
 
-@pytest.mark.parametrize("examples", [100, 400])
+@pytest.mark.parametrize("examples", [50, 400])
 def test_a_spreadsheet_reads_back_or_is_refused(tmp_path_factory, examples):
     @settings(max_examples=examples, deadline=None)
     @given(
@@ -97,7 +97,7 @@ def test_a_spreadsheet_reads_back_or_is_refused(tmp_path_factory, examples):
     check()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(table=numbers(), separator=st.sampled_from([";", "\t", ","]), decimal=st.sampled_from([".", ","]))
 def test_with_the_decimal_mark_stated_a_spreadsheet_is_never_refused(tmp_path_factory, table, separator, decimal):
     columns, digits = table
@@ -107,7 +107,7 @@ def test_with_the_decimal_mark_stated_a_spreadsheet_is_never_refused(tmp_path_fa
         np.testing.assert_array_equal(signal.y, values)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     table=numbers(),
     separator=st.sampled_from([";", "\t", ","]),
@@ -132,7 +132,7 @@ def test_a_data_frame_reads_back_or_is_refused(tmp_path_factory, table, separato
         assert signal.axis == ("" if signal.name == "time (s)" else "time (s)")
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     table=numbers(),
     separator=st.sampled_from([" ", ",", ";", "\t", ", ", "  "]),
@@ -152,7 +152,7 @@ def test_an_array_saved_as_text_reads_back_or_is_refused(tmp_path_factory, table
         np.testing.assert_array_equal(signal.y, [float(form % x) for x in values])
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(table=numbers(), separator=st.sampled_from([",", ";", "\t", " "]), exponent=st.sampled_from("eEdD"))
 def test_numbers_with_exponents_of_matlab_and_fortran_read_back(tmp_path_factory, table, separator, exponent):
     """writematrix writes 15 digits and no headings; Fortran marks double precision with D."""
@@ -163,7 +163,7 @@ def test_numbers_with_exponents_of_matlab_and_fortran_read_back(tmp_path_factory
         np.testing.assert_array_equal(signal.y, [float(f"{x:.14e}") for x in values])
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     first=numbers(),
     second=numbers(),

@@ -23,7 +23,7 @@ PATHS = {
 
 
 def followed(path, **changes):
-    sweep = f"{{kind: continuation, continue_in: {path}, longest_period: 1}}"
+    sweep = f"{{kind: continuation, continue_in: {path}, longest_period: 1, seek_at: 0}}"
     return continuation(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
 
 
@@ -44,8 +44,8 @@ def settled_peak(key, value):
     )
     z = np.zeros(flow.size)
     for _ in range(250):
-        flow_map = flow.flow_map(z, 1 / 65.0)
-        z = flow_map.end
+        z = flow.end(z, 1 / 65.0)
+    flow_map = flow.flow_map(z, 1 / 65.0)
     x = (
         flow.states_at(flow_map, np.linspace(0, 1 / 65.0, 2001)[:-1])[:, : system.dynamics.size]
         @ system.probes[0].shape

@@ -185,7 +185,7 @@ def test_prestress_starts_from_the_closed_modes(make_system):
     orbits = BrakeOrbits(family, "energy", basis=family.modes_at_rest())
     first = np.log(1e-6)
     start = solve_at(orbits, linear_mode(orbits, 0, first), Settings(), first)
-    points = list(Backbone(orbits, start, np.log(1.0), 0, points=60))
+    points = list(Backbone(orbits, start, np.log(1.0), 0, points=30))
     closed = np.sqrt(np.linalg.eigvalsh(np.diag(w2) + k * np.outer(V[5], V[5])))[0]
     assert orbits.orbit(points[0]).frequency_hz * 2 * np.pi == pytest.approx(closed, rel=1e-12)
     assert orbits.orbit(points[0]).energy == pytest.approx(1e-6, rel=1e-10)
@@ -199,7 +199,7 @@ def test_continuation_in_frequency(make_system):
     by_energy = BrakeOrbits(family, "energy")
     first = np.log(1e-3)
     start = solve_at(by_energy, linear_mode(by_energy, 0, first, V[5]), Settings(), first)
-    points = list(Backbone(by_energy, start, np.log(10.0), 0, points=60))
+    points = list(Backbone(by_energy, start, np.log(10.0), 0, points=30))
     orbits = BrakeOrbits(family, "frequency")
     first = next(i for i, p in enumerate(points) if p.data.flow_map.event_time.size)
     contacting, later = points[first], points[first + 3]

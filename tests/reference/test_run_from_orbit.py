@@ -117,7 +117,7 @@ def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
 
 
 def test_harmonic_balance_states_are_close(folder):
-    path, branch = continued(folder, "balance", "method: harmonic_balance, from: 80 Hz, to: 82 Hz")
+    path, branch = continued(folder, "balance", "method: harmonic_balance, from: 80 Hz, to: 80.5 Hz")
     result = run_from(path, 2, 10, float(branch["frequency_hz"].values[2]))
     assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(peaks_of(branch, "tip")[2], rel=0.02)
 

@@ -17,9 +17,9 @@ TWO_SNUBBERS = [
      "damping": {"kind": "viscous", "coefficient": 5.0}, "law": "no_tension"},
 ]  # fmt: skip
 CASES = {
-    "one-sided": ("one_sided_65hz", {"reduction.modes": 4}, 0.05),
+    "one-sided": ("one_sided_65hz", {"reduction.modes": 4}, 0.03),
     "prestressed": ("prestressed_90hz_3g", {"reduction.modes": 4}, 0.03),
-    "backlash": ("backlash_65hz_3g", {"reduction.modes": 4}, 0.05),
+    "backlash": ("backlash_65hz_3g", {"reduction.modes": 4}, 0.03),
     "two snubbers": ("one_sided_65hz", {"reduction.modes": 3, "snubbers": TWO_SNUBBERS}, 0.03),
     "rigid body": ("released_panel", {"reduction.modes": 4}, 0.05),
     "chain": ("chain_two_dof", {"excitation.level": 0.5, "run.start": "rest"}, 60.0),
