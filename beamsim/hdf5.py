@@ -136,16 +136,17 @@ def demand_plausible(dataset: h5py.Dataset) -> None:
     InputFileError
         If it is one.
     """
-    path, name = dataset.file.filename, dataset.name
     if dataset.shape is None:
-        raise InputFileError(f"has no values in {name}", "export it again", path)
+        raise InputFileError(f"has no values in {dataset.name}", "export it again", dataset.file.filename)
     if dataset.is_virtual or dataset.external:
-        raise InputFileError(f"has the values of {name} in another file", "export all of it to one file", path)
+        message = f"has the values of {dataset.name} in another file"
+        raise InputFileError(message, "export all of it to one file", dataset.file.filename)
     stored = int(dataset.id.get_storage_size())
     for claimed, what in ((values_size(dataset), "values"), (_chunk_size(dataset), "a chunk")):
         if claimed > max(ALWAYS_READ, MOST_UNPACKED * stored):
-            message = f"claims {bytes_text(claimed)} for {what} of {name}, of which {bytes_text(stored)} are stored"
-            raise InputFileError(message, "it is damaged, or its values were never written: export it again", path)
+            of = f"{what} of {dataset.name}, of which {bytes_text(stored)} are stored"
+            remedy = "it is damaged, or its values were never written: export it again"
+            raise InputFileError(f"claims {bytes_text(claimed)} for {of}", remedy, dataset.file.filename)
 
 
 LONGEST_EXAMINATION_S = 15.0
@@ -219,16 +220,15 @@ def _read_all(owner: h5py.Group | h5py.Dataset) -> None:
         with suppress(Exception):
             read_array(owner)
         if not owner.is_scale:
-            for axis in range(owner.ndim):
-                scale_along(owner, axis)
+            scales_of(owner)
 
 
 LIST = "DIMENSION_LIST"
 """Attribute in which HDF5 keeps references to the scales of a data set."""
 
 
-def scale_along(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
-    """The first scale of one dimension, None where it has none.
+def scales_of(dataset: h5py.Dataset) -> list[h5py.Dataset | None]:
+    """The first scale of each dimension, None where it has none.
 
     HDF5 takes the references of the attribute as they are: of another type or size they are addresses of nothing.
 
@@ -237,11 +237,11 @@ def scale_along(dataset: h5py.Dataset, axis: int) -> h5py.Dataset | None:
     ValueError
         If the attribute that refers to the scales is not one that HDF5 writes.
     """
-    if LIST not in dataset.attrs:
-        return None
-    listed = dataset.attrs.get_id(LIST)
+    count, attributes = dataset.ndim, dataset.attrs
+    if LIST not in attributes:
+        return [None] * count
+    listed = attributes.get_id(LIST)
     kind = h5py.check_vlen_dtype(listed.dtype)
-    if kind is None or h5py.check_ref_dtype(kind) is not h5py.Reference or listed.shape != (dataset.ndim,):
+    if kind is None or h5py.check_ref_dtype(kind) is not h5py.Reference or listed.shape != (count,):
         raise ValueError(f"attribute {LIST} of {dataset.name} does not refer to its axes")
-    scales = dataset.dims[axis]
-    return scales[0] if len(scales) else None
+    return [scales[0] if len(scales) else None for scales in dataset.dims]

@@ -18,7 +18,7 @@ import numpy as np
 
 from beamsim.errors import InputFileError
 from beamsim.files import demand_memory
-from beamsim.hdf5 import LIST, open_hdf5, read_array, scale_along, values_size
+from beamsim.hdf5 import LIST, open_hdf5, read_array, scales_of, values_size
 from beamsim.labelled import ABSENT, OF_EACH
 from beamsim.matrix_files import matlab_variables
 from beamsim.measurements.functions import FunctionType, function_over_frequency, is_unit_of
@@ -117,7 +117,7 @@ def _labels_of_rows(item: h5py.Dataset) -> tuple[str, ...]:
     """Texts of the coordinate along the first of two axes, where the other has numbers: each row is a channel."""
     if item.shape is None or len(item.shape) != 2 or item.shape[1] < 2 or item.dtype.kind not in "iufc":
         return ()
-    texts, numbers = (scale_along(item, axis) for axis in (0, 1))
+    texts, numbers = scales_of(item)[:2]
     if texts is None or numbers is None or (*texts.shape, *numbers.shape) != item.shape:
         return ()
     if h5py.check_string_dtype(texts.dtype) is None or numbers.dtype.kind not in "iuf":
@@ -129,7 +129,7 @@ def _labels_of_rows(item: h5py.Dataset) -> tuple[str, ...]:
 
 def _quantities(item: h5py.Dataset) -> list[str]:
     """What each row of an array is, where texts along the same axis, called as it and ``_quantity``, say so."""
-    along = scale_along(item, 0)
+    along = scales_of(item)[0]
     texts = None if along is None else item.file.get(f"{along.name}_quantity")
     if texts is None or texts.shape != item.shape[:1] or h5py.check_string_dtype(texts.dtype) is None:
         return []
@@ -235,7 +235,7 @@ def _unpack(name: str, item: h5py.Dataset) -> _Array:
         )
     values[_outside(raw, values, given)] = np.nan
     words = " ".join(text_of_attribute(given.get(key, "")) for key in ("long_name", "standard_name", "description"))
-    scale = scale_along(item, _channel_axis(item))
+    scale = scales_of(item)[_channel_axis(item)]
     of_scale = "" if scale is None or not _is_channel("", scale) else str(scale.name).lstrip("/")
     return _Array(values, unit, words, of_scale, tuple(scaling), fault)
 

@@ -44,7 +44,7 @@ from beamsim.files import (
     state_of,
     temporary_file,
 )
-from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scale_along, values_size
+from beamsim.hdf5 import demand_plausible, open_hdf5, read_array, scales_of, values_size
 from beamsim.kinds import KINDS
 from beamsim.labelled import Item, Items, LargeArray, last
 from beamsim.outcomes import Outcome
@@ -422,11 +422,10 @@ def write_items(
         arrays = sum(item.array.nbytes for item in items.values() if item.array is not None)
         _reserve(temporary, arrays + 4 * texts + _ITEM_BYTES * len(items))
         with h5py.File(temporary, "w") as file:
-            for place, item in items.items():
-                _create(file, place, item)
+            owners = {place: _create(file, place, item) for place, item in items.items()}
             for place, item in items.items():
                 for k, axis in enumerate(item.axes):
-                    file[place].dims[k].attach_scale(file[axis])
+                    owners[place].dims[k].attach_scale(owners[axis])
         seal(temporary)
         decided = destination(path, new, examine)
         put_in_place(temporary, decided)
@@ -452,7 +451,7 @@ def _reserve(path: Path, size: int) -> None:
                 raise
 
 
-def _create(file: h5py.File, place: str, item: Item) -> None:
+def _create(file: h5py.File, place: str, item: Item) -> h5py.Group | h5py.Dataset:
     """Make the group or dataset of an item."""
     if item.array is None:
         owner = file.require_group(place)
@@ -461,17 +460,18 @@ def _create(file: h5py.File, place: str, item: Item) -> None:
         if array.dtype.kind in "OU":
             array = array.astype(TEXT)
         array = array.view(np.uint8) if array.dtype == np.bool_ else array
-        owner = file.create_dataset(place, array.shape, array.dtype, **_checksum(array))
-        if array.flags.c_contiguous or not array.size:
-            owner[...] = array
-        else:  # HDF5 copies what is not in one piece in memory
+        whole = array if array.flags.c_contiguous or not array.size else None
+        owner = file.create_dataset(place, array.shape, array.dtype, whole, **_checksum(array))
+        if whole is None:  # HDF5 copies what is not in one piece in memory
             count = max(CHUNK_BYTES * array.shape[0] // array.nbytes, 1)
             for first in range(0, array.shape[0], count):
                 owner[first : first + count] = array[first : first + count]
+    attributes = owner.attrs
     for name, value in item.attributes.items():
-        owner.attrs[name] = value
+        attributes[name] = value
     if item.scale:
         owner.make_scale(last(place))
+    return owner
 
 
 def _checksum(array: Any) -> dict[str, Any]:
@@ -513,7 +513,7 @@ def read_items(file: h5py.File) -> Items:
             if item.scale:
                 scales[_address(owner)] = place
             else:
-                along[place] = [_address(scale_along(owner, k)) for k in range(owner.ndim)]
+                along[place] = [_address(scale) for scale in scales_of(owner)]
 
     file.visititems(note)
     for place, addresses in along.items():
@@ -531,7 +531,8 @@ def _address(dataset: h5py.Dataset | None) -> int:
 
 
 def _attributes(owner: h5py.Group | h5py.Dataset) -> dict[str, Any]:
-    values = {name: owner.attrs[name] for name in owner.attrs if name not in _OF_HDF5}
+    stored = owner.attrs
+    values = {name: stored[name] for name in stored if name not in _OF_HDF5}
     for value in values.values():
         for text in np.atleast_1d(value) if isinstance(value, np.ndarray) else (value,):
             if isinstance(text, str):
@@ -590,15 +591,16 @@ def _read_array(dataset: h5py.Dataset, state: FileState) -> Any:
     demand_plausible(dataset)
     if dataset.compression is not None or dataset.scaleoffset is not None:
         raise ValueError(f"{dataset.name} is compressed, as no result is")
-    if dataset.id.get_storage_size() < values_size(dataset):
+    size, dtype = values_size(dataset), dataset.dtype
+    if dataset.id.get_storage_size() < size:
         raise ValueError(f"{dataset.name} claims more values than the file holds")
-    if h5py.check_string_dtype(dataset.dtype) is not None:
+    if h5py.check_string_dtype(dtype) is not None:
         return np.asarray(dataset.asstr()[()], dtype=object)
-    if not np.issubdtype(dataset.dtype, np.number) and dataset.dtype != np.bool_:
-        raise ValueError(f"{dataset.name} holds {dataset.dtype}, neither numbers nor text")
-    flags = "flag_meanings" in dataset.attrs and dataset.dtype == np.uint8
-    kind = np.dtype(np.bool_) if flags else dataset.dtype
-    if values_size(dataset) > CHUNK_BYTES:
+    if not np.issubdtype(dtype, np.number) and dtype != np.bool_:
+        raise ValueError(f"{dataset.name} holds {dtype}, neither numbers nor text")
+    flags = dtype == np.uint8 and "flag_meanings" in dataset.attrs
+    kind = np.dtype(np.bool_) if flags else dtype
+    if size > CHUNK_BYTES:
         return StoredArray(dataset.shape, kind, os.path.abspath(dataset.file.filename), dataset.name, state)
     try:
         return np.asarray(dataset[()]).view(kind)

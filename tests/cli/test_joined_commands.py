@@ -51,20 +51,24 @@ IMPORTED = {
     "snubbers": [{**STOP, "at": TIP}],
     "probes": [{"name": "end", "at": TIP}],
 }
+ALONE = {"convergence": "off"}  # the run of each beam is compared with a finer model
 COMMANDS = {
     "run": ("run", {}),
-    "swept sine": ("sweep", {"sweep": {"kind": "swept_sine", "from": "10 Hz", "to": "14 Hz", "rate": "20 Hz/s"}}),
+    "swept sine": (
+        "sweep",
+        {"sweep": {**ALONE, "kind": "swept_sine", "from": "10 Hz", "to": "14 Hz", "rate": "20 Hz/s"}},
+    ),
     "stepped sine": (
         "sweep",
-        {"sweep": {"kind": "stepped", "from": "10 Hz", "to": "11 Hz", "points": 2, "direction": "up"}},
+        {"sweep": {**ALONE, "kind": "stepped", "from": "10 Hz", "to": "11 Hz", "points": 2, "direction": "up"}},
     ),
-    "continuation": ("sweep", {"sweep": {"kind": "continuation", "from": "10 Hz", "to": "11 Hz"}}),
+    "continuation": ("sweep", {"sweep": {**ALONE, "kind": "continuation", "from": "10 Hz", "to": "10.3 Hz"}}),
     "harmonic balance": (
         "sweep",
         {
             "sweep": {
-                "kind": "continuation", "from": "10 Hz", "to": "10.5 Hz",
-                "method": {"kind": "harmonic_balance", "harmonics": 15},
+                **ALONE, "kind": "continuation", "from": "10 Hz", "to": "10.2 Hz",
+                "method": {"kind": "harmonic_balance", "harmonics": 7},
             }
         },
     ),
@@ -76,7 +80,7 @@ COMMANDS = {
         "nnm",
         {
             "excitation": {"kind": "none"}, "run": None,
-            "nnm": {"mode": 1, "continue_in": {"kind": "energy", "from": "1 mJ", "to": "2 mJ"}},
+            "nnm": {**ALONE, "mode": 1, "continue_in": {"kind": "energy", "from": "1 mJ", "to": "1.2 mJ"}},
         },
     ),
     "identify-stiffness": (
@@ -138,10 +142,8 @@ def summaries(tmp_path_factory):
 
 PAIRS = [
     *product(("run", "vary"), OTHERS),
-    ("swept sine", "cut in two"), ("swept sine", "imported"),
-    ("stepped sine", "in segments"), ("stepped sine", "imported"),
-    ("continuation", "cut in two"), ("continuation", "imported"),
-    ("harmonic balance", "in segments"), ("nnm", "cut in two"), ("nnm", "imported"),
+    ("swept sine", "imported"), ("stepped sine", "in segments"), ("continuation", "cut in two"),
+    ("harmonic balance", "in segments"), ("nnm", "imported"),
     ("identify-stiffness", "in segments"), ("identify-stiffness", "imported"),
 ]  # fmt: skip
 

@@ -215,15 +215,15 @@ def test_a_force_at_a_node_is_refused():
         nnm(load_scenario(CHAIN, changes))
 
 
-def test_pictures_and_table(held):
-    figures = held.plot()
+def test_pictures_and_table(chain):
+    figures = chain.plot()
     held_pictures = {"held_departure", "held_shapes", "held_spectrum"}
     assert {"phase_resonance", "phase_resonance_level"} | held_pictures <= set(figures)
     ax = figures["phase_resonance"].axes[0]
     assert {"nonlinear mode", "predicted", "phase resonance"} <= {line.get_label() for line in ax.lines}
-    assert {text.get_text() for text in ax.texts} == {"0.8 g", "1.4 g"}  # with leaders to the curves' peaks
-    assert figures["phase_resonance_level"].axes[0].get_ylabel() == "Level (g)"
-    rows = [text.split() for _, text in table_rows(held)]
+    assert {text.get_text() for text in ax.texts} == {"5 mN"}  # with a leader to the curve's peak
+    assert figures["phase_resonance_level"].axes[0].get_ylabel() == "Level (mN)"
+    rows = [text.split() for _, text in table_rows(chain)]
     assert any(cells[:1] == ["stable"] and "yes" in cells for cells in rows)
 
 

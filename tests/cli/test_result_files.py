@@ -84,6 +84,15 @@ def same(texts, values):
     return np.array_equal(numbers, np.array(values, dtype=float), equal_nan=True)
 
 
+def floats(value):
+    """Every number of a JSON value that is no integer."""
+    if isinstance(value, (dict, list)):
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from floats(item)
+    elif isinstance(value, float):
+        yield value
+
+
 @first_apart("name", 3, CASES)
 def test_info_and_plot(name, files, tmp_path):
     path = files(name)
@@ -97,6 +106,7 @@ def test_info_and_plot(name, files, tmp_path):
     values = json.loads(told.stdout)
     assert values["kind"] == ("sweep" if name == "stepped" else name)
     assert {"title", "status", "created", "wall_time_s", "warnings"} <= set(values)
+    assert all(math.isfinite(number) for number in floats(values))  # others are null
     drawn = invoke("plot", path, "--format", "svg", "-o", tmp_path, "--json")
     assert drawn.exit_code == 0, drawn.output
     pictures = json.loads(drawn.stdout)["files"]
@@ -214,11 +224,8 @@ def test_uff_refuses_what_has_no_functions(name, files, tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-COMMANDS = [("info",), ("plot",), ("export", "--format", "csv"), ("export", "--format", "mat")]
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_files_that_cannot_be_read(command, files, tmp_path):
+@pytest.mark.parametrize("command", [("info",), ("plot",), ("export", "--format", "csv")])
+def test_files_that_cannot_be_read(command, files, tmp_path, without_examination):
     whole = files("run")
     (tmp_path / "text.h5").write_text("title: x\n")
     (tmp_path / "empty.h5").write_bytes(b"")
@@ -275,7 +282,7 @@ def test_a_file_with_a_part_missing_is_damaged(name, command, files, tmp_path, m
     assert 2 in outcomes
 
 
-def test_a_comparison_without_channels_is_damaged(files, tmp_path):
+def test_a_comparison_without_channels_is_damaged(files, tmp_path, without_examination):
     path = tmp_path / "compare.h5"
     path.write_bytes(files("compare").read_bytes())
     with h5py.File(path, "a") as file:
@@ -286,7 +293,7 @@ def test_a_comparison_without_channels_is_damaged(files, tmp_path):
 
 
 @pytest.mark.parametrize("value", [3, "text", np.zeros(3), -1.5])
-def test_axes_that_refer_to_nothing_are_damaged(value, files, tmp_path):
+def test_axes_that_refer_to_nothing_are_damaged(value, files, tmp_path, without_examination):
     """HDF5 follows the references of this attribute whatever they are: the process died."""
     path = tmp_path / "nnm.h5"
     path.write_bytes(files("nnm").read_bytes())
@@ -294,27 +301,12 @@ def test_axes_that_refer_to_nothing_are_damaged(value, files, tmp_path):
         axes = file["modes/closed_frequencies_hz"].attrs
         del axes["DIMENSION_LIST"]
         axes["DIMENSION_LIST"] = value
-    for command in (("info",), ("export", "--format", "csv", "-o", tmp_path / "out")):
-        done = invoke(command[0], path, *command[1:])
-        assert done.exit_code == 2
-        assert "DIMENSION_LIST of /modes/closed_frequencies_hz does not refer to its axes" in done.stderr
+    done = invoke("info", path)
+    assert done.exit_code == 2
+    assert "DIMENSION_LIST of /modes/closed_frequencies_hz does not refer to its axes" in done.stderr
 
 
-def test_not_finite_numbers_are_null(files):
-    def numbers(value):
-        if isinstance(value, dict):
-            yield from (n for item in value.values() for n in numbers(item))
-        elif isinstance(value, list):
-            yield from (n for item in value for n in numbers(item))
-        else:
-            yield value
-
-    for name in CASES:
-        told = json.loads(invoke("info", files(name), "--json").stdout)
-        assert all(math.isfinite(n) for n in numbers(told) if isinstance(n, float))
-
-
-def test_text_that_is_no_utf_8_is_damage(files, tmp_path):
+def test_text_that_is_no_utf_8_is_damage(files, tmp_path, without_examination):
     """It was an internal error of the export, long after it had been read."""
     path, text = tmp_path / "nnm.h5", b"natural frequencies with every contact closed"
     whole = files("nnm").read_bytes()

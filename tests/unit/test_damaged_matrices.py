@@ -114,7 +114,7 @@ def matrices_7_3(path, **parts):
         ({"data": [1.0]}, "it has 1 entries, and 2 of them have a row"),
     ],
 )
-def test_sparse_matrices_of_matlab_7_3_are_checked(damage, message, tmp_path):
+def test_sparse_matrices_of_matlab_7_3_are_checked(damage, message, tmp_path, without_examination):
     matrices_7_3(tmp_path / "k.mat", **damage)
     with pytest.raises(MethodError, match=rf"k\.mat.*{message}"):
         read_matrices(tmp_path / "k.mat")
@@ -223,7 +223,7 @@ def test_harwell_boeing_pointers_and_rows_are_checked(damage, tmp_path):
         read_matrices(tmp_path / "k.hb")
 
 
-def test_hdf5_claims_no_more_than_it_stores(tmp_path):
+def test_hdf5_claims_no_more_than_it_stores(tmp_path, without_examination):
     with h5py.File(tmp_path / "claims.h5", "w") as file:
         options = {"dtype": "f8", "compression": "gzip", "fillvalue": 1.0}
         file.create_dataset("bomb", shape=(300_000_000,), chunks=(10_000_000,), **options)
@@ -348,7 +348,7 @@ def test_output4_claims_no_more_columns_than_are_read(tmp_path):
         read_matrices(tmp_path / "k.op4")
 
 
-def test_matlab_has_one_entry_for_each_place(tmp_path):
+def test_matlab_has_one_entry_for_each_place(tmp_path, without_examination):
     sparse = sp.csc_array(([1.0, 2.0, 3.0], [0, 1, 1], [0, 2, 3]), shape=(2, 2))
     scipy.io.savemat(tmp_path / "5.mat", {"K": sparse})
     content = (tmp_path / "5.mat").read_bytes()

@@ -77,7 +77,7 @@ STORED = ("run_chain", "nnm", "continuation", "designs", "compare")
 @pytest.mark.parametrize(
     ("stored", "how"), [(STORED[(k + first) % 5], how) for k, how in enumerate(HOWS) for first in (0, 3)]
 )
-def test_datasets_of_wrong_type_or_shape(tmp_path, stored, how):
+def test_datasets_of_wrong_type_or_shape(tmp_path, stored, how, without_examination):
     """No command ends with an internal error, whatever has become of a dataset."""
     source = gzip.decompress((RESULTS / f"{stored}.h5.gz").read_bytes())
     path = tmp_path / "r.h5"
@@ -103,9 +103,8 @@ def hash_of(text):
     return sum(ord(letter) * 31**k for k, letter in enumerate(text)) % 2**32
 
 
-def test_a_plot_of_a_damaged_history(tmp_path):
+def test_a_plot_of_a_damaged_history(tmp_path, without_examination):
     path = tmp_path / "r.h5"
-    path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))
     for how, says in (
         ("text", "is along no axes, not probe, time"),
         ("two dimensions", "damaged"),
@@ -119,7 +118,7 @@ def test_a_plot_of_a_damaged_history(tmp_path):
         assert "run the case again" in done.output
 
 
-def test_times_that_are_not_finite_are_not_animated(tmp_path):
+def test_times_that_are_not_finite_are_not_animated(tmp_path, without_examination):
     """The motion was computed again up to an end that never came."""
     path = tmp_path / "r.h5"
     path.write_bytes(gzip.decompress((RESULTS / "run_chain.h5.gz").read_bytes()))

@@ -216,7 +216,7 @@ def test_a_frequency_response_without_a_denominator_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("unit", ["g/N", "(m/s^2)/N", "m/s²/N"])
-def test_ratios_in_tables_and_arrays_ask_for_the_level_too(tmp_path, unit):
+def test_ratios_in_tables_and_arrays_ask_for_the_level_too(tmp_path, unit, without_examination):
     frequency = np.arange(1.0, 9.0)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["frequency"], file["tip"] = frequency, frequency

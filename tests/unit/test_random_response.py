@@ -57,7 +57,7 @@ SHAKEN = OSCILLATOR | {"excitation": {"kind": "harmonic", "applied_to": "base", 
 
 @pytest.fixture(scope="module")
 def result():
-    return beamsim.run(load_scenario(OSCILLATOR))
+    return beamsim.run(load_scenario(OSCILLATOR, {"run.convergence": "off"}))
 
 
 def test_input_and_response_have_the_variances_of_theory(result):
@@ -96,7 +96,11 @@ def test_contact_lowers_the_coherence(result):
         **OSCILLATOR["chain"],
         "snubbers": [{"name": "stop", "mass": 1, "stiffness": 2e4, "gap": 0, "side": "below"}],
     }
-    hit = beamsim.run(load_scenario({**OSCILLATOR, "chain": chain, "run": {**OSCILLATOR["run"], "duration": "40 s"}}))
+    hit = beamsim.run(
+        load_scenario(
+            {**OSCILLATOR, "chain": chain, "run": {**OSCILLATOR["run"], "duration": "20 s", "convergence": "off"}}
+        )
+    )
     frequency = hit["random"]["frequency_hz"].values
     shown = (frequency > 5) & (frequency < 30)
     assert np.median(hit["random"]["coherence"].sel(probe="mass").values[shown]) < 0.98
@@ -503,7 +507,7 @@ def test_largest_values_of_tests_of_an_oscillator():
 def test_no_largest_value_of_a_test_that_may_reach_a_stop_of_which_the_record_says_little(deviations):
     """It is incomplete, and a limit is not met, where the gap is within reach; out of reach it changes nothing."""
     displacement, _ = oscillator_deviations(3947.84, 6.2832)
-    case = stopped(deviations * displacement, test_duration="200 s", sample_rate="1 kHz")
+    case = stopped(deviations * displacement, test_duration="200 s", sample_rate="500 Hz")
     result = beamsim.run(load_scenario(case | {"limits": {"peak_displacement": {"mass": 1.0}}}))
     of_mass, tables = result.summary["random"]["mass displacement"], [text for _, text in table_rows(result)]
     reached = deviations < 12.0
@@ -572,7 +576,7 @@ def test_limits_on_gaps_and_behind_a_filter_are_on_the_test_too():
     """A gap that opens away from a stop out of reach follows the displacement; a filter lowers accelerations
     and what is expected of them; without a test_duration, what the run reached is compared, and that is said."""
     displacement, _ = oscillator_deviations(3947.84, 6.2832)
-    case = stopped(30.0 * displacement, test_duration="200 s", sample_rate="1 kHz")
+    case = stopped(30.0 * displacement, test_duration="200 s", sample_rate="500 Hz")
     away = 30.0 * displacement
     result = beamsim.run(load_scenario(case | {"limits": {"gap": away + 4.0 * displacement}}))
     of, x = result.summary["margins"]["gap"], result["histories"]["displacement"].sel(probe="mass").values
@@ -617,9 +621,9 @@ def test_a_study_counts_the_cases_that_are_undecided():
     limit = 0.5 * (of["interval_low"] + of["interval_high"])
     case = load_scenario(result.scenario.model_dump(exclude_unset=True, by_alias=True)
                          | {"limits": {"peak_force": limit}})  # fmt: skip
-    study = beamsim.ensemble(case, {"snubbers.stop.gap": [5e-4, 5e-4, 1.0]}, ["peak_force"])
+    study = beamsim.ensemble(case, {"snubbers.stop.gap": [5e-4, 1.0]}, ["peak_force"])
     worst = study.summary["margins"]["peak_force"]
-    assert (worst["verdict"], worst["cases_undecided"], worst["cases_exceeding"]) == ("undecided", 2, 0)
+    assert (worst["verdict"], worst["cases_undecided"], worst["cases_exceeding"]) == ("undecided", 1, 0)
     assert worst["interval_low"] < limit < worst["interval_high"]
 
 
@@ -671,7 +675,7 @@ def test_pictures_are_of_the_band_of_the_input_and_of_the_share_of_the_time(resu
 
 def test_power_outside_the_band_of_the_input_is_said():
     """A stop scatters power to above 40 Hz; a linear motion has none there."""
-    hit = beamsim.run(load_scenario(stopped(1e-4, sample_rate="1 kHz")))
+    hit = beamsim.run(load_scenario(stopped(1e-4, sample_rate="1 kHz", duration="8 s")))
     assert all("% outside" in curve.label for curve in density(hit["random"]).curves if curve.label != "input")
 
 

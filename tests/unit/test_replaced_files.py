@@ -137,7 +137,9 @@ def no_hdf5(path):
         *product([of_another_program, without_outcome, no_hdf5], [None]),
     ],
 )
-def test_what_is_no_result_of_this_version_is_moved_aside(change, outcome, whole, part, tmp_path, caplog):
+def test_what_is_no_result_of_this_version_is_moved_aside(
+    change, outcome, whole, part, tmp_path, caplog, without_examination
+):
     caplog.clear()
     path = written(whole, tmp_path / "case.h5")
     change(path)
@@ -148,7 +150,7 @@ def test_what_is_no_result_of_this_version_is_moved_aside(change, outcome, whole
     assert load(path).outcome.cut_short == bool(outcome)
 
 
-def test_a_complete_result_with_damaged_arrays_still_counts_as_complete(whole, part, tmp_path):
+def test_a_complete_result_with_damaged_arrays_still_counts_as_complete(whole, part, tmp_path, without_examination):
     path = written(whole, tmp_path / "case.h5")
     with h5py.File(path, "r") as file:
         at = file["/histories/time"].id.get_chunk_info(0).byte_offset

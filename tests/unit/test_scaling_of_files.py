@@ -14,7 +14,7 @@ from beamsim.measurements.read import read_file
 from beamsim.scenario.excitation import SampledInput
 from tests.helpers.universal_files import OVER_FREQUENCY, TAG, function, units
 
-pytestmark = pytest.mark.quick
+pytestmark = [pytest.mark.quick, pytest.mark.usefixtures("without_examination")]
 
 Y = np.sin(np.arange(20.0)) + 0.1
 
