@@ -1,8 +1,6 @@
 """beamsim: exact simulation of structures that vibrate against one-sided elastic stops.
 
-One function a command, each with a frozen result: `run`, `sweep`, `continuation`, `coexisting`, `design_study`,
-`ensemble`, `identify_stiffness`, `nnm`, `compare`, `compare_modes`. `write_result` and `load` write and read a
-result of any kind, `export_result` writes it in another format.
+Every command is a function of a scenario that returns a frozen result.
 
 >>> import beamsim
 >>> scenario = beamsim.load_scenario("configs/one_sided_65hz.yaml", {"excitation.level": "3 g"})
@@ -10,7 +8,7 @@ result of any kind, `export_result` writes it in another format.
 >>> print(f"{result.summary['peak_force_n']['tip']:.2f} N")
 29.13 N
 
-Everything is imported when it is first asked for, so that importing the package costs nothing.
+A name is imported when it is first used, so importing the package takes no time.
 """
 
 from __future__ import annotations
@@ -24,17 +22,29 @@ if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_channels
     from beamsim.analyses.compare.result import Comparison
-    from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
+    from beamsim.analyses.compare_modes.analysis import ModeComparison, ShapesAtPlaces, compare_modes, read_shapes
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.identify.analysis import identify_stiffness
     from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.run.result import RunResult
-    from beamsim.analyses.studies.plan import plan_designs
+    from beamsim.analyses.studies.plan import StudyPlan, plan_designs
     from beamsim.analyses.studies.result import StudyResult
     from beamsim.analyses.sweep.result import SweepResult
-    from beamsim.errors import BeamsimError, NotTrustedError, Problem, ResultFileError, ScenarioError, allowing_hours
+    from beamsim.errors import (
+        BeamsimError,
+        NotTrustedError,
+        Problem,
+        ResultFileError,
+        ScenarioError,
+        TooLongError,
+        allowing_hours,
+    )
+    from beamsim.labelled import Dataset, LabelledArray
     from beamsim.measurements.channels import read_tests
+    from beamsim.measurements.signal import MeasuredSignal
+    from beamsim.outcomes import Outcome
+    from beamsim.results.result import Result
     from beamsim.scenario import Scenario, load_scenario
     from beamsim.store.export import export_result
     from beamsim.store.results import load, write_result
@@ -45,21 +55,26 @@ if TYPE_CHECKING:
     from beamsim.version import __version__
 
 _NAMES = {
-    "beamsim.analyses.studies.plan": ("plan_designs",),
+    "beamsim.analyses.studies.plan": ("StudyPlan", "plan_designs"),
     "beamsim.errors": (
         "BeamsimError",
         "NotTrustedError",
         "Problem",
         "ResultFileError",
         "ScenarioError",
+        "TooLongError",
         "allowing_hours",
     ),
+    "beamsim.labelled": ("Dataset", "LabelledArray"),
+    "beamsim.measurements.signal": ("MeasuredSignal",),
+    "beamsim.outcomes": ("Outcome",),
+    "beamsim.results.result": ("Result",),
     "beamsim.scenario": ("Scenario", "load_scenario"),
     "beamsim.store.studies": ("ensemble",),
     "beamsim.store.export": ("export_result",),
     "beamsim.measurements.channels": ("read_tests",),
     "beamsim.analyses.compare.analysis": ("ChannelChoice", "pair_channels"),
-    "beamsim.analyses.compare_modes.analysis": ("read_shapes",),
+    "beamsim.analyses.compare_modes.analysis": ("ShapesAtPlaces", "read_shapes"),
     "beamsim.store.results": ("load", "write_result"),
     "beamsim.version": ("__version__",),
 }
@@ -75,17 +90,25 @@ __all__ = [
     "CoexistingResult",
     "Comparison",
     "ContinuationResult",
+    "Dataset",
     "IdentificationResult",
+    "LabelledArray",
+    "MeasuredSignal",
     "ModeComparison",
     "NormalModeResult",
     "NotTrustedError",
+    "Outcome",
     "Problem",
+    "Result",
     "ResultFileError",
     "RunResult",
     "Scenario",
     "ScenarioError",
+    "ShapesAtPlaces",
+    "StudyPlan",
     "StudyResult",
     "SweepResult",
+    "TooLongError",
     "__version__",
     "allowing_hours",
     "coexisting",

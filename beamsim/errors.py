@@ -19,15 +19,20 @@ from beamsim.outcomes import ExitCode
 class Problem:
     """One error in a scenario.
 
-    ``path`` is written as a user would write it (``snubbers[0].position``); ``file`` and ``line`` are ``None`` if the
-    value did not come from a file (a default, an override, the Python API).
+    As text it has all of these in one line.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> print(beamsim.Problem("run.duration", "= 0 s must be positive", "give for example 1 s", "case.yaml", 12))
+    case.yaml:12: run.duration = 0 s must be positive; give for example 1 s
     """
 
-    path: str
-    message: str
-    remedy: str = ""
-    file: str | None = None
-    line: int | None = None
+    path: str  #: place as a user writes it, ``snubbers[0].position``; empty where no key names it
+    message: str  #: what is wrong, to be read after the path
+    remedy: str = ""  #: what to do
+    file: str | None = None  #: None if the value did not come from a file (a default, an override, a mapping)
+    line: int | None = None  #: in the file, from 1
 
     def __str__(self) -> str:
         where = "" if self.file is None else f"{self.file}:"
@@ -38,9 +43,19 @@ class Problem:
 
 
 class BeamsimError(Exception):
-    """Base class; ends the command line with ``exit_code``."""
+    """Base class of all exceptions of the package.
 
-    exit_code: int = ExitCode.BUG
+    Examples
+    --------
+    >>> import beamsim
+    >>> try:
+    ...     beamsim.run("missing.yaml")
+    ... except beamsim.BeamsimError as error:
+    ...     print(f"{error} (exit code {error.exit_code})")
+    missing.yaml: does not exist; check the path (beamsim new writes a template) (exit code 2)
+    """
+
+    exit_code: int = ExitCode.BUG  #: with which it ends the command line
 
 
 class CacheWarning(UserWarning):
@@ -48,14 +63,27 @@ class CacheWarning(UserWarning):
 
 
 class ScenarioError(BeamsimError):
-    """The scenario or the use of the command is wrong; holds every problem found, with its place."""
+    """The scenario or the use of a function is wrong; the exception has every problem found, with its place.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> try:
+    ...     beamsim.load_scenario("configs/stops/chain_bumpers.yaml", {"chain.snubbers.cable.gap": "3 kg"})
+    ... except beamsim.ScenarioError as error:
+    ...     for problem in error.problems:
+    ...         print(problem.path, problem.message)
+    chain.snubbers[1].gap = 3 kg must be a length, not a mass
+    """
 
     exit_code = ExitCode.USAGE
+
+    problems: tuple[Problem, ...]  #: every one that was found
 
     def __init__(self, problems: Problem | str | Sequence[Problem]) -> None:
         if isinstance(problems, str):
             problems = Problem("", problems)
-        self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
     @classmethod
@@ -123,7 +151,17 @@ class InputFileError(BeamsimError):
 
 
 class ResultFileError(BeamsimError):
-    """A result file is missing, damaged, or not from beamsim."""
+    """A result file cannot be read (missing, damaged, not from beamsim) or cannot be written.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> try:
+    ...     beamsim.load("configs/one_sided_65hz.yaml")
+    ... except beamsim.ResultFileError as error:
+    ...     print(str(error).partition(";")[0])
+    configs/one_sided_65hz.yaml: is not an HDF5 file, or damaged
+    """
 
     exit_code = ExitCode.USAGE
 
@@ -152,11 +190,18 @@ def allowing_hours(hours: float) -> Iterator[None]:
     ----------
     hours : h, longest time; infinite for any.
 
+    Raises
+    ------
+    TooLongError
+        In the block, before a computation that is estimated to take longer.
+
     Examples
     --------
     >>> import beamsim
-    >>> with beamsim.allowing_hours(5000.0):
-    ...     pass  # beamsim.design_study(scenario)
+    >>> with beamsim.allowing_hours(0.5):
+    ...     result = beamsim.run("configs/stops/chain_bumpers.yaml")  # refused if it would take longer
+    >>> result.complete
+    True
     """
     token = allowed_hours.set(hours)
     try:
@@ -166,13 +211,25 @@ def allowing_hours(hours: float) -> Iterator[None]:
 
 
 class TooLongError(BeamsimError):
-    """A computation is estimated to take longer than is allowed.
+    """A computation is estimated to take longer than is allowed; `allowing_hours` changes what is allowed.
 
     Parameters
     ----------
     estimate : what takes how long, up to the number of hours: "simulating case.yaml would take about".
     hours : h, of the estimate.
     keys : of the scenario, whose numbers make it so long; empty where that is not known.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> stepped = {"sweep": {"kind": "stepped", "from": "10 Hz", "to": "18 Hz", "points": 300}}
+    >>> case = beamsim.load_scenario("configs/stops/chain_bumpers.yaml", stepped)
+    >>> try:
+    ...     with beamsim.allowing_hours(1e-6):
+    ...         beamsim.sweep(case)
+    ... except beamsim.TooLongError as error:
+    ...     print(str(error).partition(", more than")[0])
+    1 levels x 300 frequencies, at least 1 ms each, would take at least 8.3e-05 h
     """
 
     exit_code = ExitCode.USAGE
@@ -189,7 +246,16 @@ class TooLongError(BeamsimError):
 
 
 class NotTrustedError(BeamsimError):
-    """A computation ended without a reliable result."""
+    """A computation ended without a result that can be used, for example no motion was found, or a cluster was lost.
+
+    A result that is only doubtful or incomplete is returned; its `Result.outcome` says so.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> issubclass(beamsim.NotTrustedError, beamsim.BeamsimError), int(beamsim.NotTrustedError.exit_code)
+    (True, 3)
+    """
 
     exit_code = ExitCode.NOT_CONVERGED
 

@@ -138,18 +138,36 @@ def part_of(array: Any, index: tuple[Any, ...]) -> Any:
 
 @dataclass(eq=False)
 class LabelledArray(Described):
-    """A variable of a dataset, or a part of it."""
+    """A variable of a dataset, or a part of it: values in SI units along named dimensions.
 
-    name: str
-    dims: tuple[str, ...]
+    NumPy and matplotlib take it as an array.
+
+    Examples
+    --------
+    >>> import beamsim, numpy as np
+    >>> histories = beamsim.run("configs/stops/chain_bumpers.yaml")["histories"]
+    >>> displacement = histories["displacement"]
+    >>> displacement.dims, displacement.unit, displacement.meaning
+    (('probe', 'time'), 'm', 'displacement relative to the base')
+    >>> third = displacement.sel(probe="third")
+    >>> third.dims, third.values.shape, f"{1e3 * np.abs(third).max():.2f} mm"
+    (('time',), (6001,), '7.99 mm')
+    >>> {name: f"{1e3 * part.values.max():.2f} mm" for name, part in displacement.by_label().items()}
+    {'first': '2.94 mm', 'second': '6.65 mm', 'third': '7.73 mm'}
+    >>> histories["snubber_stiffness"].sel(snubber="cable").item()
+    20000.0
+    """
+
+    name: str  #: in its dataset
+    dims: tuple[str, ...]  #: names of the dimensions, of which the values are along; none of a single value
     array: Any  # that of NumPy, or one that is read when it is used
-    attributes: Mapping[str, Any]
-    coordinates: Mapping[str, Item]  # by dimension: the names or numbers along it
+    attributes: Mapping[str, Any]  #: as a file stores them: ``units``, ``long_name`` and further ones
+    coordinates: Mapping[str, Item]  #: by dimension the names or numbers along it, with their unit; see ``values``
     _parts: dict[Any, LabelledArray] = field(default_factory=dict, repr=False)
 
     @cached_property
     def values(self) -> NDArray[Any]:
-        """The values, in SI units; those of a file are read once, when they are first used."""
+        """Array of the values, in SI units; those of a file are read once, when they are first used."""
         return np.asarray(self.array)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
@@ -201,7 +219,7 @@ class LabelledArray(Described):
         return self._parts[key]
 
     def by_label(self) -> dict[Any, LabelledArray]:
-        """The parts by label along the first dimension."""
+        """The parts by name or number along the first dimension."""
         after = (None,) * (len(self.dims) - 1)
         labels = self.coordinates[self.dims[0]].values.tolist()
         return {label: self._part((number, *after)) for number, label in enumerate(labels)}
@@ -211,12 +229,38 @@ class LabelledArray(Described):
 
 
 class Dataset(Mapping[str, LabelledArray]):
-    """Variables along named dimensions; that of a dimension's own name is its coordinate.
+    """Variables along named dimensions; the variable with the name of a dimension is its coordinate.
+
+    It is a mapping from names to `LabelledArray`. Printing it lists the variables with dimensions, units and meanings.
 
     Parameters
     ----------
     name : of the dataset.
     items : its group and variables by path.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.run("configs/stops/chain_bumpers.yaml")
+    >>> events = result["events"]
+    >>> print(events)
+    <dataset events>
+      <event (event) 1: number of the contact event>
+      <time (event) s: time of the contact event; 0 where contact begins at the start of the run>
+      <snubber (event) 1: number of the snubber, from 0>
+      <closing (event) 1: whether the contact closes>
+    >>> list(events), len(events), events["time"].unit
+    (['event', 'time', 'snubber', 'closing'], 4, 's')
+    >>> events.rows("event", "snubber", "closing")[:2]
+    [{'snubber': 0, 'closing': True}, {'snubber': 0, 'closing': False}]
+    >>> names = result["histories"].labels("snubber")
+    >>> {name: len(own["time"].values) for name, own in events.groups("snubber", names).items()}
+    {'bumper': 60, 'cable': 58}
+    >>> start = result["histories"].sel(probe="third").isel(time=slice(0, 3))
+    >>> start["displacement"].dims, start["time"].values.round(5).tolist()
+    (('time',), [0.0, 0.00033, 0.00067])
+    >>> start.to_xarray()["displacement"].attrs["units"]
+    'm'
     """
 
     def __init__(self, name: str, items: Items) -> None:
@@ -224,6 +268,7 @@ class Dataset(Mapping[str, LabelledArray]):
         self._arrays: dict[str, LabelledArray] = {}
 
     def __getitem__(self, name: str) -> LabelledArray:
+        """One of the variables, ``dataset["displacement"]``; a KeyError names those that there are."""
         if name not in self._arrays:
             item = self.items_by_path.get(f"/{self.name}/{name}")
             if item is None:
@@ -248,7 +293,7 @@ class Dataset(Mapping[str, LabelledArray]):
         return [] if item is None else list(item.values.tolist())
 
     def sel(self, **labels: Any) -> Dataset:
-        """The dataset at some labels of dimensions, as `LabelledArray.sel`; what is not along them stays as it is."""
+        """The dataset at a name or number along some dimensions, as `LabelledArray.sel`; all else stays as it is."""
         items: Items = {f"/{self.name}": Item()}
         for name in (name for name in self if name not in labels):
             array = self[name]
@@ -259,7 +304,7 @@ class Dataset(Mapping[str, LabelledArray]):
         return Dataset(self.name, items)
 
     def isel(self, **rows: slice) -> Dataset:
-        """The dataset at some numbers along dimensions; what is not along them stays as it is."""
+        """The dataset at some places along dimensions, numbered from 0; what is not along them stays as it is."""
         items = dict(self.items_by_path)
         for name, array in self.items():
             if rows.keys() & set(array.dims):
@@ -301,7 +346,7 @@ class Dataset(Mapping[str, LabelledArray]):
 
         Parameters
         ----------
-        dim : that the rows are along; what is along others, too, is no column.
+        dim : that the rows are along; what is along others, too, is no column. No rows if nothing is along it.
         names : of the columns; all of them by default.
         """
         columns = {}

@@ -269,6 +269,15 @@ class Outcome:
     context : of which part of the computation it is, such as a level or a direction.
     numbers : by name.
     sub_outcomes : outcomes that caused this one or accompany it.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> outcome = beamsim.run("configs/stops/chain_bumpers.yaml").outcome
+    >>> str(outcome.kind), outcome.code, outcome.text
+    ('complete', 'complete', 'complete')
+    >>> outcome.complete, outcome.usable, outcome.trusted, outcome.interrupted, outcome.cut_short
+    (True, True, True, False, False)
     """
 
     kind: OutcomeKind

@@ -29,11 +29,25 @@ for _name, _page in PAGES.items():
 project = "beamsim"
 author = project_copyright = "the beamsim authors"
 version = release = __version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx_design"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "site_pages.docstrings",
+    "sphinx.ext.mathjax",
+    "sphinx_design",
+]
+default_role = "py:obj"  # names in single backticks of docstrings are links
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence"]
 myst_heading_anchors = 3
 exclude_patterns = ["site_pages", "tutorial.md"]  # the tutorial is built with what its commands print
 autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_class_signature = "separated"  # results are not constructed by users
+autodoc_preserve_defaults = True
+autodoc_type_aliases = {
+    name: name for name in ("Source", "Overrides", "Progress", "Stop", "Floats", "Complexes", "Ints")
+}
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300

@@ -39,6 +39,13 @@ def read_tests(scenario: Source, folder: Path | str | None = None) -> list[Measu
     ------
     ScenarioError
         For every file that is missing or empty, has non-finite values or lacks the channel.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> tests = beamsim.read_tests("configs/identification/identify_nonlinear.yaml")
+    >>> [(signal.name, signal.unit, signal.x.size) for signal in tests]
+    [('tip (g)', 'm/s^2', 1500), ('tip (g)', 'm/s^2', 1500)]
     """
     scenario = scenario_of(scenario, "identify-stiffness")
     section = scenario.identify_stiffness

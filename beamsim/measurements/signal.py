@@ -112,27 +112,35 @@ class ExcitationLevel:
 class MeasuredSignal:
     """One measured channel: its values on an axis, and what the file says of them.
 
-    Before values are used, ask `require` for the function type, `on_si_axis` for the axis, `in_si` for the unit and
-    `check` for the values.
+    `beamsim.read_tests` and `beamsim.pair_channels` return it in SI units. As read from a file, it has the units of
+    the file: before values are used, ask `require` for the function type, `on_si_axis` for the axis, `in_si` for the
+    unit and `check` for the values.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> signal = beamsim.read_tests("configs/identification/identify_nonlinear.yaml")[0]
+    >>> signal.name, signal.unit, signal.x.shape, signal.y.shape, signal.is_over_frequency
+    ('tip (g)', 'm/s^2', (1500,), (1500,), False)
     """
 
-    name: str  # with its unit, where the file has it there
-    x: Floats  # (n,) s or Hz, increasing; as read from a file, in `axis_unit`, and sample numbers where `axis` is empty
-    y: Floats | Complexes  # (n,) in `unit`; of a complex spectrum amplitude e^{i phase} of A cos(2 pi f t + phase)
-    is_over_frequency: bool = False  # whether the axis is one of frequencies
-    unit: str = ""  # as given in the file, or empty; of a ratio that of its numerator
-    source: str = ""  # file
-    axis: str = ""  # heading of the axis
-    axis_unit: str = ""  # the same as `unit`
-    stated_function: FunctionType | None = None  # function type in the file; None where that has none
-    quantity: str = ""  # what was measured, such as acceleration, where the file says it
-    node: int | None = None  # where it was measured
-    direction: str = ""  # +X to -RZ, as in the file
-    reference: Reference | None = None  # what the values are divided by
-    scaling: tuple[str, ...] = ()  # what was done to the values of the file, in words
-    warnings: tuple[str, ...] = ()  # what is doubtful about it
-    level: ExcitationLevel | None = None  # of the excitation, by which the values of a ratio were multiplied
-    fault: tuple[str, str] | None = None  # why the values cannot be used, and a remedy
+    name: str  #: name of the channel, with its unit where the file has it there
+    x: Floats  #: (n,) s or Hz, increasing; as read from a file in `axis_unit`, or sample numbers if `axis` is empty
+    y: Floats | Complexes  #: (n,) in `unit`; of a complex spectrum amplitude e^{i phase} of A cos(2 pi f t + phase)
+    is_over_frequency: bool = False  #: whether the axis is one of frequencies
+    unit: str = ""  #: as given in the file, or empty; of a ratio that of its numerator
+    source: str = ""  #: path of the file
+    axis: str = ""  #: heading of the axis
+    axis_unit: str = ""  #: the same as `unit`
+    stated_function: FunctionType | None = None  #: function type in the file; None where that has none
+    quantity: str = ""  #: what was measured, such as acceleration, where the file says it
+    node: int | None = None  #: where it was measured
+    direction: str = ""  #: +X to -RZ, as in the file
+    reference: Reference | None = None  #: what the values are divided by
+    scaling: tuple[str, ...] = ()  #: what was done to the values of the file, in words
+    warnings: tuple[str, ...] = ()  #: what is doubtful about it
+    level: ExcitationLevel | None = None  #: of the excitation, by which the values of a ratio were multiplied
+    fault: tuple[str, str] | None = None  #: why the values cannot be used, and a remedy
 
     @property
     def function(self) -> FunctionType:

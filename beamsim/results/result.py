@@ -165,23 +165,50 @@ def demand_result(value: object) -> None:
 
 @dataclass(frozen=True, kw_only=True, repr=False)  # that of a dataclass holds all arrays
 class Result:
-    """Base of the results of all commands: scenario, outcome, summary, datasets, warnings and provenance."""
+    """Base of the results of all analyses: scenario, outcome, summary, datasets, warnings and provenance.
+
+    Results are frozen. Printing one shows the table that ``-v`` prints; a notebook shows it, too.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.run("configs/stops/chain_bumpers.yaml")
+    >>> result
+    <RunResult 'Three masses with a bumper and a cable, base excitation': complete>
+    >>> result.complete, result.warnings[1]
+    (True, 'chain.snubbers.bumper: its dashpot pulls with up to 3.56 N before the contact opens; with law: no_tension it
+    opens before that')
+    >>> {name: round(force, 2) for name, force in result.summary["peak_force_n"].items()}
+    {'bumper': 37.91, 'cable': 36.14}
+    >>> list(result.datasets)
+    ['histories', 'spectra', 'events', 'modes']
+    >>> result["histories"]["displacement"].sel(probe="third").values.shape
+    (6001,)
+    >>> print(str(result).splitlines()[0])
+    Three masses with a bumper and a cable, base excitation
+    >>> list(result.plot())
+    ['displacement', 'acceleration', 'contact_force', 'force_deflection', 'spectrum', 'phase_portrait']
+    >>> result.to_pandas()["events_by_event"]["time (s)"].size
+    118
+    >>> result.to_xarray()["histories/displacement"].sel(probe="third").attrs["units"]
+    'm'
+    """
 
     KIND: ClassVar[str]  # one of `beamsim.kinds.KINDS`
     DATASET: ClassVar[str] = "result"  # of the file, with the arrays of the result itself
     DATASETS: ClassVar[tuple[Layout, ...]] = ()  # the labelled ones
     SUMMARY: ClassVar[tuple[Entry, ...]] = ()  # possible entries of the summary, in the order of the printed table
 
-    scenario: Scenario  # as it was written
-    outcome: Outcome  # how the computation ended
-    summary: dict[str, Any] = field(default_factory=dict)  # plain Python values
-    datasets: dict[str, Dataset] = field(default_factory=dict)  # by name, those of `DATASETS`
-    warnings: tuple[str, ...] = ()
-    wall_time_s: float = 0.0
-    command_processor_time_s: float | None = None  # of the command with its workers, up to the file; None without one
-    beamsim_version: str = __version__  # that computed the result
-    created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))  # ISO 8601
-    provenance: dict[str, str] = field(default_factory=_versions)  # of Python and packages the numbers depend on
+    scenario: Scenario  #: as it was written
+    outcome: Outcome  #: how the computation ended
+    summary: dict[str, Any] = field(default_factory=dict)  #: values of the printed table, of ``--json`` and of files
+    datasets: dict[str, Dataset] = field(default_factory=dict)  #: by name; ``result["histories"]`` is one of them
+    warnings: tuple[str, ...] = ()  #: one sentence each
+    wall_time_s: float = 0.0  #: duration of the analysis, s
+    command_processor_time_s: float | None = None  #: of a command with its workers, s
+    beamsim_version: str = __version__  #: version that computed the result
+    created: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))  #: time, ISO 8601
+    provenance: dict[str, str] = field(default_factory=_versions)  #: versions of Python and of numerical packages
 
     def __getitem__(self, name: str) -> Dataset:
         """One of the labelled datasets, ``result["histories"]``.
@@ -243,7 +270,7 @@ class Result:
 
     @property
     def input_files(self) -> dict[str, Record] | None:
-        """What the files of the scenario held; None where it names none."""
+        """Name, size and hash of every file that the scenario names, by place; None if it names none."""
         return dict(self.scenario.file_records(unchanged_only=True)) or None
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
@@ -274,7 +301,7 @@ class Result:
         return "" if keys else entry.unit
 
     def plot(self) -> dict[str, Figure]:
-        """Return the figures that the command saves, by name; a notebook shows each."""
+        """Return the figures that the command saves, by name: figures of matplotlib, which a notebook shows."""
         return resolve_name("beamsim.plots.notebook:figures_of")(self)  # type: ignore[no-any-return]
 
     def to_pandas(self) -> dict[str, pandas.DataFrame]:

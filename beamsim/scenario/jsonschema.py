@@ -32,13 +32,14 @@ def json_schema() -> dict[str, Any]:
         "description": "Path of the scenario file, relative to this one, that this file modifies: mappings merge, "
         "lists are replaced, a mapping whose kind changes is replaced completely, null removes a key.",
     }
+    whole["description"] = str(Scenario.__doc__).partition("\n")[0]  # without the example for Python
     whole["properties"] = {"extends": extends, **whole["properties"]}
     keys = {key: {"description": item["description"]} for key, item in whole["properties"].items()}
     complete, partial = {"$ref": "#/$defs/Scenario"}, dict[str, Any]()
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "beamsim scenario",
-        "description": Scenario.__doc__,
+        "description": whole["description"],
         "type": "object",
         "properties": {"extends": extends, **keys},
         "if": {"required": ["extends"]},

@@ -244,7 +244,20 @@ def profile_jumps(scenario: Scenario) -> Iterator[str]:
 
 
 class Scenario(Schema):
-    """A structure with one-sided stops, its excitation and the requested analyses."""
+    """A structure with one-sided stops, its excitation and the requested analyses.
+
+    It is frozen, and equal to another one if all quantities are.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> case = {"chain": {"masses": ["1 kg"], "springs": ["4 kN/m"]}, "nnm": {"mode": 1, "energy": "1 J"}}
+    >>> scenario = beamsim.load_scenario(case)
+    >>> scenario.chain.springs, scenario.run, scenario.title, scenario.source, scenario.warnings
+    ((4000.0,), None, '', 'scenario', ())
+    >>> beamsim.load_scenario(scenario.to_yaml()) == scenario
+    True
+    """
 
     title: Text = ""
     """Title for tables and plots."""
@@ -855,6 +868,16 @@ def load_scenario(source: Source, overrides: Overrides = (), *, command: str = "
     ------
     ScenarioError
         With every problem: path, message, remedy, file and line.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> case = beamsim.load_scenario("configs/stops/chain_bumpers.yaml", {"chain.snubbers.bumper.gap": "0.2 mm"})
+    >>> case.chain.snubbers[0].gap
+    0.0002
+    >>> text = "{chain: {masses: [1 kg], springs: [4 kN/m]}, nnm: {mode: 1, energy: 1 J}}"
+    >>> beamsim.load_scenario(text).nnm.energy
+    1.0
     """
     if isinstance(source, os.PathLike) or (isinstance(source, str) and not _is_yaml(source)):
         path = FilePath(source)

@@ -57,7 +57,7 @@ def export_target(folder: Path, stem: str, form: str) -> Path:
 
 
 def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]:
-    """Write a result file of any kind in the format ``form`` (one of `FORMATS`); returns the files written.
+    """Write a result file of any kind in another format: tables of text, a universal file, a MATLAB file.
 
     Parameters
     ----------
@@ -74,6 +74,17 @@ def export_result(path: Path | str, target: Path | str, form: str) -> list[Path]
     ------
     ResultFileError
         If the format is unknown or cannot hold the result, or a file cannot be read or written.
+
+    Examples
+    --------
+    >>> import beamsim, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "case.h5"
+    >>> _ = beamsim.write_result(beamsim.run("configs/stops/chain_bumpers.yaml"), file)
+    >>> tables = beamsim.export_result(file, file.with_name("case_csv"), "csv")
+    >>> "histories_by_time.csv" in [table.name for table in tables]
+    True
+    >>> folder.cleanup()
     """
     if isinstance(path, Result):
         raise TypeError("the path of a result file is needed, not a result; beamsim.write_result writes one")

@@ -86,6 +86,15 @@ def write_result(result: Result, path: Path | str, *, resumed: bool = False) -> 
     ------
     ResultFileError
         If the file cannot be written (no permission, disk full, a folder of that name).
+
+    Examples
+    --------
+    >>> import beamsim, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "case.h5"
+    >>> beamsim.write_result(beamsim.run("configs/stops/chain_bumpers.yaml"), file).name
+    'case.h5'
+    >>> folder.cleanup()
     """
     demand_result(result)
     items = items_of(result)
@@ -298,6 +307,17 @@ def load(path: Path | str, kind: str = "", *, whole: bool = False, open_files: b
     ------
     ResultFileError
         If the file is missing, unreadable, damaged, not from beamsim, or of another layout, kind or scenario.
+
+    Examples
+    --------
+    >>> import beamsim, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "case.h5"
+    >>> _ = beamsim.write_result(beamsim.run("configs/stops/chain_bumpers.yaml"), file)
+    >>> result = beamsim.load(file, "run", whole=True)
+    >>> type(result).__name__, result.scenario.chain.snubbers[0].gap, len(result["events"]["time"].values)
+    ('RunResult', 0.0005, 118)
+    >>> folder.cleanup()
     """
     return open_with_items(path, kind, whole=whole, open_files=open_files)[0]
 

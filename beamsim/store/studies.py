@@ -145,11 +145,12 @@ def ensemble(
     --------
     >>> import beamsim, numpy as np
     >>> rng = np.random.default_rng(1)
-    >>> case = beamsim.load_scenario("configs/one_sided_65hz.yaml")
-    >>> draws = {"snubbers.tip.gap": rng.normal(0.0, 2e-5, 4), "excitation.level": rng.uniform(15.0, 25.0, 4)}
+    >>> case = beamsim.load_scenario("configs/stops/chain_bumpers.yaml", {"sweep": None})
+    >>> gaps, levels = rng.normal(5e-4, 1e-4, 20), rng.uniform(9.0, 11.0, 20)
+    >>> draws = {"chain.snubbers.bumper.gap": gaps, "excitation.level": levels}
     >>> table = beamsim.ensemble(case, draws, ["peak_force"]).table
-    >>> print(f"{np.quantile(table['snubbers/tip/peak_force'], 0.9):.2f} N")
-    22.33 N
+    >>> print(f"{np.quantile(table['snubbers/bumper/peak_force'], 0.9):.2f} N")
+    40.98 N
     """
     scenario = scenario_of(scenario)
     plan = plan_draws(scenario, draws, responses)

@@ -192,6 +192,13 @@ def run(
     ------
     ScenarioError
         Where the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.run("configs/stops/chain_bumpers.yaml")
+    >>> result["histories"]["displacement"].dims, round(result.summary["peak_force_n"]["cable"], 2)
+    (('probe', 'time'), 36.14)
     """
     scenario = scenario_of(scenario, "run")
     begin, shared = clock.perf_counter(), shared or SharedBuilds()

@@ -92,6 +92,14 @@ def sweep(
         If the scenario cannot be swept.
     TooLongError
         If it would take longer than `beamsim.allowing_hours` allows.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> stepped = {"sweep": {"kind": "stepped", "from": "14 Hz", "to": "16 Hz", "points": 2}}
+    >>> result = beamsim.sweep(beamsim.load_scenario("configs/stops/chain_bumpers.yaml", stepped))
+    >>> result["steady_states"]["kind"].values.tolist()
+    ['periodic', 'periodic']
     """
     scenario = scenario_of(scenario, "sweep")
     least_time_of_sweep(scenario).demand_allowed()
@@ -131,6 +139,14 @@ def continuation(scenario: Source, progress: Progress = None, stop: Stop = never
         If the scenario cannot be continued.
     TooLongError
         If it would take longer than `beamsim.allowing_hours` allows.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> case = beamsim.load_scenario("configs/stops/chain_bumpers.yaml", {"sweep.to": "10.5 Hz"})
+    >>> result = beamsim.continuation(case)
+    >>> result["points"]["frequency_hz"].values[[0, -1]].round(6).tolist()
+    [10.0, 10.5]
     """
     scenario = scenario_of(scenario, "sweep")
     least_time_of_sweep(scenario).demand_allowed()
@@ -154,8 +170,8 @@ def coexisting(
     scenario : with a ``sweep`` section of kind coexisting, or what `beamsim.load_scenario` reads.
     progress : called with the fraction done.
     stop : asked between starts and points whether to end; the result then holds those up to there.
-    workers, scheduler, options : as of `beamsim.analyses.coexisting.analysis.coexisting`; ``known`` and ``each`` do not
-        apply to the finer model.
+    workers, scheduler : processes or a Dask cluster for starts and disturbances, as of `design_study`.
+    options : ``known`` and ``each`` as of `design_study`, which do not apply to the finer model.
 
     Returns
     -------
@@ -166,6 +182,16 @@ def coexisting(
     ------
     ScenarioError
         If there are no motions to be found in the scenario.
+    NotTrustedError
+        If no start settled and no periodic motion was found, or the connection to the cluster is lost.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> search = {"sweep": {"kind": "coexisting", "at": ["16 Hz"], "starts": {"kind": "phases", "number": 2}}}
+    >>> case = beamsim.load_scenario("configs/stops/chain_bumpers.yaml", search)
+    >>> beamsim.coexisting(case).summary["motions"][0]["kind"]
+    'periodic'
     """
     scenario = scenario_of(scenario, "sweep")
     from beamsim.analyses.coexisting.analysis import coexisting as compute
@@ -198,6 +224,13 @@ def nnm(
     ------
     ScenarioError
         If the mode cannot be followed.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.nnm("configs/modes/chain_cubic.yaml")
+    >>> print(f"{result['points']['frequency_hz'].values[-1]:.5f} Hz")
+    0.24945 Hz
     """
     scenario = scenario_of(scenario, "nnm")
     from beamsim.analyses.nnm.analysis import nnm as compute

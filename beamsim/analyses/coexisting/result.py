@@ -94,9 +94,19 @@ DISTURBANCE = record({
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CoexistingResult(ContinuationResult):
-    """Result of ``beamsim sweep`` of kind coexisting: each motion is a branch of one point.
+    """Result of `beamsim.coexisting`: the motions found, each a branch of one point, and where every start ended.
 
     A motion that is not periodic is represented by many cycles.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> found = {"sweep": {"kind": "coexisting", "at": ["16 Hz"], "starts": {"kind": "phases", "number": 3}}}
+    >>> result = beamsim.coexisting(beamsim.load_scenario("configs/stops/chain_bumpers.yaml", found))
+    >>> result["motions"].rows("motion", "kind", "period_cycles", "stable", "starts")
+    [{'kind': 'periodic', 'period_cycles': 1, 'stable': True, 'starts': 3}]
+    >>> result["starts"]["destination"].values.tolist(), result.not_settled.tolist()
+    ([[1, 1, 1]], [0])
     """
 
     KIND = "coexisting"

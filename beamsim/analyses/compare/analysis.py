@@ -69,20 +69,29 @@ def compare(
     result : result of the run.
     pairs : place, quantity, and measured signal in SI units.
     harmonics : number of harmonics in the table.
-    last : length of the final part of measured histories to use, s; by default as long as the part of the run that is
-        used
-    (that of ``run.spectrum``, else the part with settled motion).
+    last : s, length of the final part of measured histories to use; by default as long as the part of the run that is
+        used (that of ``run.spectrum``, else the part with settled motion).
 
     Returns
     -------
     Comparison
-        With a `ChannelComparison` for each pair.
+        Its ``channels`` has one for each pair.
 
     Raises
     ------
     ScenarioError
         If a measured record is too short, unevenly sampled or sampled too slowly, or neither a time history nor an
         amplitude spectrum.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> changes = {"run.convergence": "off", "run.duration": "0.3 s", "run.spectrum.last": "0.1 s"}
+    >>> result = beamsim.run(beamsim.load_scenario("configs/one_sided_65hz.yaml", changes))
+    >>> pairs = beamsim.pair_channels(result, "configs/measurements/tip_65hz_2g.csv")
+    >>> comparison = beamsim.compare(result, pairs, harmonics=3)
+    >>> comparison["harmonics"]["order"].values.tolist(), comparison["harmonics"]["difference_db"].unit
+    ([1.0, 2.0, 3.0], 'dB')
     """
     demand_result(result)
     warnings: list[str] = []
@@ -435,16 +444,27 @@ Pair = tuple[str, str, MeasuredSignal]
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelChoice:
-    """Selection of channels of a file, and information that the file lacks."""
+    """Selection of channels of a file, and information that the file lacks.
 
-    place: str | None = None  # probe, snubber or output; all if neither this nor `channel` is given
-    quantity: str | None = None  # all of `quantities_of` the place if neither this nor `channel` is given
-    channel: str | None = None  # name of the channel
-    unit: str | None = None  # unit of the values
-    axis_unit: str | None = None  # unit of time or frequency
-    level: str | None = None  # excitation level at which frequency responses were measured, with unit
-    decimal: DecimalMark | None = None  # for a text file with ambiguous numbers
-    preparation: RecordPreparation | None = None  # of time histories; unchanged by default
+    Examples
+    --------
+    >>> import beamsim
+    >>> choice = beamsim.ChannelChoice(place="third", channel="tip", quantity="absolute_acceleration")
+    >>> result = beamsim.run("configs/stops/chain_bumpers.yaml")
+    >>> [(place, quantity)] = [pair[:2] for pair in beamsim.pair_channels(
+    ...     result, "configs/measurements/tip_65hz_2g.csv", choice)]
+    >>> place, quantity
+    ('third', 'absolute_acceleration')
+    """
+
+    place: str | None = None  #: probe, snubber or output; all if neither this nor `channel` is given
+    quantity: str | None = None  #: all of `quantities_of` the place if neither this nor `channel` is given
+    channel: str | None = None  #: name of the channel
+    unit: str | None = None  #: unit of the values
+    axis_unit: str | None = None  #: unit of time or frequency
+    level: str | None = None  #: excitation level at which frequency responses were measured, with unit
+    decimal: DecimalMark | None = None  #: for a text file with ambiguous numbers
+    preparation: RecordPreparation | None = None  #: of time histories; unchanged by default
 
 
 ALL_BY_NAME = ChannelChoice()
@@ -476,6 +496,15 @@ def pair_channels(result: RunResult | SweepResult, path: Path | str, choice: Cha
     ------
     ScenarioError
         If the file cannot be used, no channel matches, or the matching one has an unsuitable function type.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> changes = {"run.convergence": "off", "run.duration": "0.3 s", "run.spectrum.last": "0.1 s"}
+    >>> result = beamsim.run(beamsim.load_scenario("configs/one_sided_65hz.yaml", changes))
+    >>> pairs = beamsim.pair_channels(result, "configs/measurements/tip_65hz_2g.csv")
+    >>> [(place, quantity, signal.unit) for place, quantity, signal in pairs]
+    [('tip', 'absolute_acceleration', 'm/s^2')]
     """
     demand_result(result)
     path = Path(path)

@@ -434,7 +434,21 @@ FDAC = record(dict.fromkeys(("mean", "lowest", "lowest_hz"), Number))
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Result):
-    """Result of ``beamsim compare``."""
+    """Result of `beamsim.compare`: each compared channel with its differences.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> changes = {"run.convergence": "off", "run.duration": "0.3 s", "run.spectrum.last": "0.1 s"}
+    >>> result = beamsim.run(beamsim.load_scenario("configs/one_sided_65hz.yaml", changes))
+    >>> pairs = beamsim.pair_channels(result, "configs/measurements/tip_65hz_2g.csv")
+    >>> comparison = beamsim.compare(result, pairs)
+    >>> channel = comparison.channels[0]
+    >>> channel.place, channel.quantity, comparison.sweeps, comparison.assurance
+    ('tip', 'absolute_acceleration', (), None)
+    >>> list(comparison.datasets)[:4]
+    ['channels', 'harmonics', 'predicted_histories', 'predicted_spectra']
+    """
 
     KIND = "compare"
     DATASETS = (
@@ -454,17 +468,17 @@ class Comparison(Result):
 
     @cached_property
     def channels(self) -> tuple[ChannelComparison, ...]:
-        """Channels that are compared with a run."""
+        """Channels that are compared with a run: harmonics, aligned histories, spectra; of a transient its peaks."""
         return tuple(_channel_of(self.datasets, k) for k in self._numbers("channels"))
 
     @cached_property
     def sweeps(self) -> tuple[SweptComparison, ...]:
-        """Channels that are compared with a sweep."""
+        """Channels that are compared with a sweep: complex responses over frequency, peaks, FRAC."""
         return tuple(_sweep_of(self.datasets, k) for k in self._numbers("sweeps"))
 
     @property
     def assurance(self) -> Assurance | None:
-        """Assurance criteria of two or more channels of a sweep."""
+        """Assurance criteria of two or more channels of a sweep over frequency; None of others."""
         of = self.datasets.get("assurance")
         return None if of is None else Assurance(*(of[name].values for name in Assurance._fields))
 

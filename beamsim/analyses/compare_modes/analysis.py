@@ -72,7 +72,21 @@ MODE_PAIR = record(dict.fromkeys(("number", "measured_hz", "predicted", "predict
 
 @dataclass(frozen=True, repr=False)
 class ModeComparison(Result):
-    """Result of ``beamsim compare-modes``."""
+    """Result of `beamsim.compare_modes`: pairs of measured and computed modes, and the matrix of their MAC.
+
+    Examples
+    --------
+    >>> import beamsim, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "shapes.csv"
+    >>> _ = file.write_text("position (mm), 52 Hz, 330 Hz\\n90, 0.16, 0.8\\n180, 0.54, 0.45\\n270, 1.0, -1.0\\n")
+    >>> result = beamsim.compare_modes("configs/one_sided_65hz.yaml", file)
+    >>> result["compared_modes"]["paired"].values.tolist(), result["compared_modes"]["mac"].dims
+    ([1, 2], ('measured', 'predicted'))
+    >>> round(result.summary["lowest_mac"], 3), round(result.summary["largest_difference"], 3)
+    (0.984, 0.008)
+    >>> folder.cleanup()
+    """
 
     KIND = "compare-modes"
     DATASETS = (COMPARED_MODES,)
@@ -86,13 +100,25 @@ class ModeComparison(Result):
 
 @dataclass(frozen=True)
 class ShapesAtPlaces:
-    """Natural frequencies and mode shapes at p places, in any unit."""
+    """Natural frequencies and shapes of m modes at p places, as `beamsim.read_shapes` reads them.
 
-    places: tuple[AtPlace, ...]  # p of them
-    frequency_hz: Floats  # (m,)
-    shapes: Complexes  # (p, m)
-    source: str = "the measurement"  # name of the file
-    labels: tuple[str, ...] = ()  # where each place is defined, for messages
+    Examples
+    --------
+    >>> import beamsim, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "shapes.csv"
+    >>> _ = file.write_text("position (mm), 52 Hz, 330 Hz\\n90, 0.16, 0.8\\n180, 0.54, 0.45\\n270, 1.0, -1.0\\n")
+    >>> shapes = beamsim.read_shapes(file, "configs/one_sided_65hz.yaml")
+    >>> shapes.frequency_hz.tolist(), shapes.shapes.shape, shapes.places[0].position
+    ([52.0, 330.0], (3, 2), 0.09)
+    >>> folder.cleanup()
+    """
+
+    places: tuple[AtPlace, ...]  #: p places on the structure
+    frequency_hz: Floats  #: (m,) natural frequencies
+    shapes: Complexes  #: (p, m) in any unit, the same within a mode
+    source: str = "the measurement"  #: name of the file
+    labels: tuple[str, ...] = ()  #: where each place is defined, for messages
 
 
 def compare_modes(
@@ -116,6 +142,17 @@ def compare_modes(
     ScenarioError
         If a place is not on the structure, there are fewer than two places, a shape is zero or not finite, or a
         frequency is not positive.
+
+    Examples
+    --------
+    >>> import beamsim, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "shapes.csv"
+    >>> _ = file.write_text("position (mm), 52 Hz, 330 Hz\\n90, 0.16, 0.8\\n180, 0.54, 0.45\\n270, 1.0, -1.0\\n")
+    >>> result = beamsim.compare_modes("configs/one_sided_65hz.yaml", file)
+    >>> result["compared_modes"]["mac"].values.round(2)[:, :2].tolist()
+    [[1.0, 0.19], [0.16, 0.98]]
+    >>> folder.cleanup()
     """
     scenario = scenario_of(scenario)
     begin = perf_counter()
@@ -267,6 +304,16 @@ def read_shapes(path: Path | str, scenario: Source, decimal: DecimalMark | None 
     ------
     ScenarioError
         If the file is missing or empty, or a value is wrong; the message gives line and column.
+
+    Examples
+    --------
+    >>> import beamsim, pathlib, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "shapes.csv"
+    >>> _ = file.write_text("position (mm), 52 Hz, 330 Hz\\n90, 0.16, 0.8\\n180, 0.54, 0.45\\n270, 1.0, -1.0\\n")
+    >>> beamsim.read_shapes(file, "configs/one_sided_65hz.yaml").frequency_hz.tolist()
+    [52.0, 330.0]
+    >>> folder.cleanup()
     """
     path, scenario = Path(path), scenario_of(scenario)
     try:

@@ -189,7 +189,25 @@ def _pieces(branch: Dataset) -> Iterator[_Piece]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContinuationResult(Result):
-    """Result of ``beamsim sweep`` of kind continuation."""
+    """Result of `beamsim.continuation`: branches of periodic motions, stable and unstable, and their special points.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> case = beamsim.load_scenario("configs/stops/chain_bumpers.yaml", {"sweep.to": "11 Hz"})
+    >>> result = beamsim.continuation(case)
+    >>> result.parameter, result.unit, result.level_unit, len(result.branches)
+    ('frequency', 'Hz', 'm/s^2', 1)
+    >>> branch = result.branches[0]
+    >>> branch["parameter"].values[[0, -1]].round(6).tolist(), bool(branch["stable"].values.all())
+    ([10.0, 11.0], True)
+    >>> branch["peak_displacement"].sel(probe="third").dims
+    ('point',)
+    >>> [(row["kind"], round(row["parameter"], 2)) for row in result["special_points"].rows("event")]
+    [('grazing', 10.72)]
+    >>> result.coexisting(), result.fold_curves, result.second_unit, result.overlay
+    ([], (), '', {})
+    """
 
     KIND = "continuation"
     SUMMARY = _SUMMARY
@@ -208,17 +226,17 @@ class ContinuationResult(Result):
 
     @cached_property
     def overlay(self) -> dict[str, OverlayCurve]:
-        """Curves of sweeps that are drawn over the branches, by name."""
+        """Curves of sweeps that are drawn over the branches, by name; none without ``sweep.overlay``."""
         return overlay_curves(self.datasets)
 
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:
-        """Points of each branch, with its row of `branches` as variables without dimensions."""
+        """A dataset for each branch: its points, and its row of ``branches`` as variables without dimensions."""
         return rows_by_owner(self["branches"], self["points"], "branch")
 
     @cached_property
     def fold_curves(self) -> tuple[Dataset, ...]:
-        """Points of each curve of folds, with its row in the same form."""
+        """The same for each curve of folds in two parameters; none if it was not asked for."""
         known = "fold_curves" in self.datasets
         return rows_by_owner(self["fold_curves"], self["fold_points"], "fold_curve") if known else ()
 

@@ -53,6 +53,13 @@ def identify_stiffness(
     ------
     ScenarioError
         If the section is missing, or no parameters explain the measurements; with a reason and a remedy.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.identify_stiffness("configs/identify_snubber.yaml")
+    >>> print(f"{result['stiffness']['stiffness'].item():.4g} N/m")
+    1.536e+05 N/m
     """
     scenario = scenario_of(scenario, "identify-stiffness")
     with scenario.locating(), stop_requests(stop):

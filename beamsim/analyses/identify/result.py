@@ -146,7 +146,16 @@ _SUMMARY = (
 
 
 class IdentificationResult(Result):
-    """Result of ``beamsim identify-stiffness``."""
+    """Result of `beamsim.identify_stiffness`: the identified numbers with their intervals, and how well they fit.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.identify_stiffness("configs/identify_snubber.yaml")
+    >>> stiffness = result["stiffness"]
+    >>> print(f"{stiffness['stiffness'].item():.4g} {stiffness['stiffness'].unit}")
+    1.536e+05 N/m
+    """
 
     KIND = "identify-stiffness"
     SUMMARY = _SUMMARY

@@ -84,7 +84,17 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class NormalModeResult(Result):
-    """Result of ``beamsim nnm``."""
+    """Result of `beamsim.nnm`: the backbone of a nonlinear normal mode, and what was compared with it.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.nnm("configs/modes/chain_cubic.yaml")
+    >>> result.parameter, result.unit, len(result.branches)
+    ('stiffness_factor', '1', 1)
+    >>> result.branches[0]["frequency_hz"].values[[0, -1]].round(5).tolist()
+    [0.24886, 0.24945]
+    """
 
     KIND = "nnm"
     SUMMARY = _SUMMARY
@@ -95,7 +105,7 @@ class NormalModeResult(Result):
 
     @cached_property
     def branches(self) -> tuple[Dataset, ...]:
-        """Points of each branch, with its row of `branches` as variables without dimensions; the backbone first."""
+        """A dataset for each branch: its points, and its row of ``branches``; the backbone first."""
         return rows_by_owner(self["branches"], self["points"], "branch")
 
     @property

@@ -206,7 +206,24 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RunResult(Result):
-    """Result of ``beamsim run``."""
+    """Result of `beamsim.run`: the motion in time, its contacts and peaks, spectra, and what was asked for in addition.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.run("configs/stops/chain_bumpers.yaml")
+    >>> result["histories"]["snubber_force"].sel(snubber="bumper").unit
+    'N'
+    >>> round(result.summary["peak_force_n"]["bumper"], 2), result.summary["contacts"]["bumper"]
+    (37.91, 30)
+    >>> strongest = max(result.summary["spectral_lines"], key=lambda line: line["amplitude"])
+    >>> strongest["probe"], strongest["quantity"], round(strongest["frequency_hz"], 1)
+    ('third', 'absolute_acceleration', 15.0)
+    >>> result["modes"]["open_frequencies_hz"].values.round(2).tolist()
+    [16.09, 37.06, 54.11]
+    >>> result.root_mean_squares  # the excitation is not random
+    {}
+    """
 
     KIND = "run"
     SUMMARY = _SUMMARY
@@ -217,7 +234,7 @@ class RunResult(Result):
 
     @property
     def root_mean_squares(self) -> dict[str, dict[str, float]]:
-        """Root mean squares of responses to a stationary input, by entry (see `beamsim.results.values`) and name."""
+        """SI, root mean squares of responses to a stationary random input, by quantity and probe; else nothing."""
         entries: dict[str, dict[str, float]] = {}
         for row in self["random"].rows("signal")[1:] if "random" in self.datasets else ():
             entries.setdefault(f"rms_{row['quantity']}", {})[row["name"]] = row["rms"]

@@ -177,14 +177,26 @@ def design(scenario: Scenario, case: Mapping[str, Any]) -> Scenario:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """Cases to be computed, in order; the realisations of a case follow each other."""
+    """Cases of a study that are to be computed, in order; the realisations of a case follow each other.
 
-    scenario: Scenario
-    kind: str
-    points: tuple[int, ...]  # number of values of each parameter of a grid; else empty
+    Examples
+    --------
+    >>> import beamsim
+    >>> plan = beamsim.plan_designs("configs/studies/design_stiffness_gap.yaml")
+    >>> plan.kind, plan.points, len(plan.cases), plan.searches
+    ('grid', (12, 15), 180, False)
+    >>> plan.parameters[1].path, plan.parameters[1].unit, plan.parameters[1].values[:2].round(6).tolist()
+    ('snubbers.tip.gap', 'm', [-0.0002, -0.00015])
+    >>> {path: round(value, 5) for path, value in plan.values_in(0).items()}
+    {'snubbers.tip.stiffness': 20000.0, 'snubbers.tip.gap': -0.0002}
+    """
+
+    scenario: Scenario  #: with the study
+    kind: str  #: grid, zip, one_at_a_time, latin_hypercube, sobol, optimise, reliability or draws
+    points: tuple[int, ...]  #: number of values of each parameter of a grid; else empty
     study: Study
-    cases: tuple[Case, ...]  # of a search only the first one, the unchanged scenario
-    most_cases: int  # largest number of solved cases, each with its realisations
+    cases: tuple[Case, ...]  #: of a search only the first one, the unchanged scenario
+    most_cases: int  #: largest number of solved cases, each with its realisations
 
     @property
     def searches(self) -> bool:
@@ -219,12 +231,27 @@ class StudyPlan:
 
 
 def plan_designs(scenario: Source) -> StudyPlan:
-    """List the cases of a scenario with ``vary``, or of what `beamsim.load_scenario` reads.
+    """List the cases of a study before they are computed; `design_study` takes the plan.
+
+    Parameters
+    ----------
+    scenario : with ``vary`` or ``optimise``, or what `beamsim.load_scenario` reads.
+
+    Returns
+    -------
+    StudyPlan
 
     Raises
     ------
     ScenarioError
         If ``vary`` is missing, or there is no analysis for the cases.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> plan = beamsim.plan_designs("configs/studies/design_stiffness_gap.yaml")
+    >>> [(parameter.path, parameter.values.size) for parameter in plan.parameters]
+    [('snubbers.tip.stiffness', 180), ('snubbers.tip.gap', 180)]
     """
     scenario = scenario_of(scenario, "sweep")
     vary = scenario.study

@@ -125,10 +125,28 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StudyResult(Result):
-    """Result of ``beamsim sweep`` with ``vary``, or of `ensemble`: one row for each case.
+    """Result of `beamsim.design_study` or `beamsim.ensemble`: one row for each case.
 
     ``result["cases"]`` has parameters, responses, margins and objectives of every case, ``result["realisations"]``
     those responses within tolerances; the other datasets are of some kinds of studies.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> gaps = {"path": "chain.snubbers.bumper.gap", "values": ["0.2 mm", "0.5 mm"]}
+    >>> study = {"sweep": None, "vary": {"kind": "grid", "parameters": [gaps], "responses": ["peak_force"]}}
+    >>> result = beamsim.design_study(beamsim.load_scenario("configs/stops/chain_bumpers.yaml", study))
+    >>> result.kind, result.count, result.shape, result.finished, result.limits
+    ('grid', 2, (2,), True, {})
+    >>> {name: column.round(4).tolist() for name, column in result.table.items()}
+    {'chain.snubbers.bumper.gap': [0.0002, 0.0005], 'snubbers/bumper/peak_force': [40.0613, 37.9077],
+    'snubbers/cable/peak_force': [35.1175, 36.1422]}
+    >>> result.units["snubbers/bumper/peak_force"], result.responses["snubbers/bumper/peak_force"].dims
+    ('N', ('case',))
+    >>> result.parameters[0].path, result.parameters[0].values.tolist(), result.parameters[0].unit
+    ('chain.snubbers.bumper.gap', [0.0002, 0.0005], 'm')
+    >>> result.deciding_values("snubbers/bumper/peak_force", "snubbers/cable/peak_force").round(2).tolist()
+    [40.06, 37.91]
     """
 
     KIND = "designs"
@@ -229,8 +247,7 @@ class StudyResult(Result):
         Parameters
         ----------
         names : responses with one number per case, of one quantity; within tolerances, the worst place of each
-            realisation
-        counts, and the study's quantile of these.
+            realisation counts, and the study's quantile of these.
         """
         values = self["cases"].by_label("value")
         objective = objectives(self.scenario)[0]

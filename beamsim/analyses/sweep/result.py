@@ -358,7 +358,21 @@ _SUMMARY = (
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class SweepResult(Result):
-    """Result of a swept or stepped ``beamsim sweep``."""
+    """Result of `beamsim.sweep`: for each direction and level a curve of cycles, with peaks over frequency.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> stepped = {"sweep": {"kind": "stepped", "from": "14 Hz", "to": "18 Hz", "points": 3}}
+    >>> result = beamsim.sweep(beamsim.load_scenario("configs/stops/chain_bumpers.yaml", stepped))
+    >>> list(result.curves), result["steady_states"]["frequency_hz"].values.tolist()
+    (['up_0'], [14.0, 16.0, 18.0])
+    >>> force = result["cycles"]["peak_force"].sel(snubber="bumper")
+    >>> force.dims, force.unit, round(force.values.max().item(), 1)
+    (('cycle',), 'N', 129.0)
+    >>> result.peaks  # three frequencies show no resonance
+    []
+    """
 
     KIND = "sweep"
     SUMMARY = _SUMMARY
@@ -366,12 +380,12 @@ class SweepResult(Result):
 
     @cached_property
     def curves(self) -> dict[str, SweepCurve]:
-        """Curves by name, each with its rows of the datasets."""
+        """Curves by name (``up_0``: upwards, first level), each with its rows of ``cycles`` and other datasets."""
         return curves_of(self.datasets)
 
     @cached_property
     def peaks(self) -> list[ResponsePeak]:
-        """Peaks of all curves."""
+        """Peaks of all curves: frequency, level, probe, value, kind (linear or nonlinear resonance, harmonic)."""
         return self["peaks"].records("peak", ResponsePeak)
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
