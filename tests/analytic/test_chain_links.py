@@ -195,7 +195,8 @@ def test_a_softened_spring_moves_slower_than_a_hardened_one():
     assert soft > 1.5 * hard
 
 
-def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
+def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy(monkeypatch):
+    monkeypatch.setattr("beamsim.analyses.nnm.paths.POINTS", 20)
     breakpoints, slopes = LAWS["softening"]
     spring = {"masses": [1, 2], "kind": "piecewise_linear", "breakpoints": breakpoints, "stiffnesses": slopes}
     going = {"mode": 2, "continue_in": {"kind": "energy", "from": 0.05, "to": 1.0}}
@@ -212,8 +213,9 @@ def test_nonlinear_mode_of_a_piecewise_linear_oscillator_in_energy():
 
 
 # -- cubic springs between masses ------------------------------------------------------------------------------------
-def test_duffing_motion_of_two_free_masses():
+def test_duffing_motion_of_two_free_masses(monkeypatch):
     """mu x'' + k x + g x^3 = 0 from rest at a: x = a cn(w t | m), mu w^2 = k + g a^2, m = g a^2 / (2 (k + g a^2))."""
+    monkeypatch.setattr("beamsim.analyses.nnm.paths.POINTS", 20)
     g, a = 3.0, 0.8
     more = {"springs_between": [{"masses": [1, 2], "kind": "cubic", "stiffness": g, "name": "duffing"}]}
     parts = [-a * REDUCED / M1, a * REDUCED / M2]

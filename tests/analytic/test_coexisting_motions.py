@@ -44,7 +44,7 @@ def case(excitation=None, **sweep):
 
 @pytest.fixture(scope="module")
 def result():
-    return beamsim.coexisting(case(at=["13 Hz", f"{HZ} Hz"]), workers=1)
+    return beamsim.coexisting(case(), workers=1)
 
 
 def here(result, **wanted):

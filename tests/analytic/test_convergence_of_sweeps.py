@@ -18,7 +18,7 @@ TIP = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "10 kN/m",
 
 
 def case(modes, **more):
-    stepped = {"kind": "stepped", "from": "50 Hz", "to": "70 Hz", "points": 3, "accelerations": True}
+    stepped = {"kind": "stepped", "from": "50 Hz", "to": "70 Hz", "points": 2, "accelerations": True}
     return load_scenario(
         {
             "beam": BEAM,

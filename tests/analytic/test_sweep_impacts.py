@@ -51,10 +51,10 @@ def swept(scenario):
 @pytest.mark.parametrize("law", LAWS)
 def test_a_swept_sine_against_the_same_run(law):
     """The sums over all cycles are those of a run with the same swept sine."""
-    sweep = {"kind": "swept_sine", "from": 15.0, "to": 25.0, "rate": "20 oct/min", "impacts": True}
+    sweep = {"kind": "swept_sine", "from": 15.0, "to": 25.0, "rate": "30 oct/min", "impacts": True}
     (curve,) = swept(case(law, sweep=sweep))
     end = float(curve.time[-1])
-    sine = {"kind": "swept_sine", "applied_to": "base", "level": 5.0, "from": 15.0, "to": 25.0, "rate": "20 oct/min"}
+    sine = {"kind": "swept_sine", "applied_to": "base", "level": 5.0, "from": 15.0, "to": 25.0, "rate": "30 oct/min"}
     run = {"duration": end, "sample_rate": 500.0, "convergence": "off", "impacts": {}}
     stop = beamsim.run(case(law, excitation=sine, run=run)).summary["impacts"]["stop"]
     cycles = curve.cycles.sel(snubber="stop")
@@ -99,7 +99,7 @@ def test_sliding_per_cycle_of_a_stepped_sine_against_the_end_of_a_run(stiffness)
 
 
 def test_sliding_per_cycle_of_a_swept_sine_adds_up_to_that_of_a_run():
-    sine = {"kind": "swept_sine", "from": 15.0, "to": 25.0, "rate": "20 oct/min"}
+    sine = {"kind": "swept_sine", "from": 15.0, "to": 25.0, "rate": "30 oct/min"}
     (curve,) = swept(rubbing(4e4, sweep={**sine, "impacts": True}))
     end = float(curve.time[-1])
     of_run = {**sine, "applied_to": "base", "level": 5.0}

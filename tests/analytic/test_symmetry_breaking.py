@@ -36,7 +36,9 @@ CUBIC = {
 
 @pytest.fixture(scope="module")
 def cubic():
-    return nnm(load_scenario(CUBIC))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("beamsim.analyses.nnm.paths.POINTS", 20)
+        return nnm(load_scenario(CUBIC))
 
 
 @pytest.fixture(scope="module")
@@ -69,12 +71,13 @@ def test_an_interruption_ends_the_search_for_where_they_leave():
     assert found.symmetry_breakings == ()
 
 
-def test_a_branch_point_in_closed_form():
+def test_a_branch_point_in_closed_form(monkeypatch):
     """Out of phase x'' + 1.2 x + x^3 = 0, x = a cn; in phase y'' + (1 + 3 x^2) y = 0, Lamé's equation of order 2.
 
     Its solution cn dn, at rest where x is, has the eigenvalue 1 + k^2: with W^2 = 1.2 + a^2 and k^2 W^2 = a^2 / 2 this
     is 1 + 3 a^2 = W^2 + a^2 / 2, so a^2 = 2/15, E = 1.2 a^2 + a^4 / 2 = 38/225.
     """
+    monkeypatch.setattr("beamsim.analyses.nnm.paths.POINTS", 20)
     case = {
         "chain": {
             "masses": [1, 1],
@@ -88,12 +91,13 @@ def test_a_branch_point_in_closed_form():
     assert point.parameter == pytest.approx(38 / 225, rel=1e-10)
 
 
-def test_a_fold_in_frequency():
+def test_a_fold_in_frequency(monkeypatch):
     """A mass pressed onto a stop, another at a distance: it softens, then hardens. The lowest frequency is a fold.
 
     Closed about x = 0.75 with w = 2 below x = 1, open with w = 1, against the other stop about x = 5/3 with w^2 = 6
     beyond x = 2, where the speed is v.
     """
+    monkeypatch.setattr("beamsim.analyses.nnm.paths.POINTS", 20)
     stops = [
         {"name": "below", "mass": 1, "side": "below", "stiffness": 3, "gap": -1},
         {"name": "above", "mass": 1, "side": "above", "stiffness": 5, "gap": 2},

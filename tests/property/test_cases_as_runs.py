@@ -194,7 +194,7 @@ def test_a_study_with_a_case_that_is_not_reliable_is_not_reliable(workers, tmp_p
 
 def near_limit(**more):
     """Cases of which the second is nearer to a limit than its force changes with a finer model."""
-    plain, base = BEAM[: BEAM.index("limits:")], {"reduction": {"modes": 2}}
+    plain, base = BEAM[: BEAM.index("limits:")], {"reduction": {"modes": 2}, "run.duration": "20 ms"}
     alone = beamsim.run(beamsim.load_scenario(plain, {**base, "excitation.level": 20.0}))
     limits = {"peak_force": 1.0001 * alone.summary["peak_force_n"]["tip"]}
     vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": [2.0, 5.0, 10.0, 19.99, 20.0]}]}

@@ -211,7 +211,7 @@ def test_no_stable_point_is_in_a_band_without_a_stable_motion():
 @first_apart("limit", 1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"])
 def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     more = "side_branches: required, " if demanded else ""
-    result = curve(config_path("continuation_60_120hz"), sweep_of(110, 118, f"seek_at: 0, {more}{limit}"))
+    result = curve(config_path("continuation_60_120hz"), sweep_of(96, 120, f"seek_at: 0, {more}{limit}"))
     assert result.complete is not demanded
     assert (result.outcome.kind is OutcomeKind.INCOMPLETE) is demanded
     assert f"raise sweep.{limit.partition(':')[0]}" in result.status

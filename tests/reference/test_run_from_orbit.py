@@ -40,16 +40,16 @@ def run_from(path, k, periods, frequency, *changes, **start):
 def test_a_stable_motion_goes_on(in_frequency):
     path, branch = in_frequency
     (k,) = np.flatnonzero(np.isclose(branch["parameter"].values, 84.5, rtol=1e-13))
-    result = run_from(path, int(k), 20, 84.5, "run.sample_rate=84500")
+    result = run_from(path, int(k), 20, 84.5, "run.sample_rate=16900")
     assert result.scenario.excitation.frequency == pytest.approx(84.5, rel=1e-14)
     assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(peaks_of(branch, "tip")[k], rel=1e-7)
     assert result.summary["contact_share"]["tip"] == pytest.approx(
         branch["contact_share"].sel(snubber="tip").values[k], rel=1e-9
     )
-    x = result["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(20, 1000)
+    x = result["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(20, 200)
     np.testing.assert_allclose(x, np.tile(x[0], (20, 1)), atol=1e-9 * np.abs(x).max())
-    disturbed = run_from(path, int(k), 20, 84.5, "run.sample_rate=84500", factor=1.02)
-    y = disturbed["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(20, 1000)
+    disturbed = run_from(path, int(k), 20, 84.5, "run.sample_rate=16900", factor=1.02)
+    y = disturbed["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(20, 200)
     assert np.abs(y[0] - x[0]).max() > 5e-3 * np.abs(x).max()  # the comparison can fail
     assert np.abs(y[-1] - x[-1]).max() < 0.5 * np.abs(y[0] - x[0]).max()
 

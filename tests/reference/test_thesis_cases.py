@@ -107,7 +107,7 @@ def test_the_independent_displacement_would_see_another_snubber():
     )
 
 
-@pytest.mark.parametrize("factor", [3.0, np.pi])
+@pytest.mark.parametrize("factor", [np.pi])
 def test_zero_gap_scales_exactly_with_the_level(factor):
     scenario = config_path("one_sided_45hz")
     scaled = beamsim.run(beamsim.load_scenario(scenario, {"excitation.level": 2 * 9.80665 * factor}))
@@ -162,7 +162,9 @@ def test_half_a_millimetre_of_backlash_is_reached(name):
 def test_five_millimetres_of_backlash_never_close():
     """The printed 5 mm cannot be: the three cases are linear with it."""
     for name in BACKLASH:
-        scenario = beamsim.load_scenario(config_path(name), {"snubbers[0].gap": 5e-3})
+        scenario = beamsim.load_scenario(
+            config_path(name), {"snubbers[0].gap": 5e-3, "run.duration": "0.3 s", "run.convergence": "off"}
+        )
         assert beamsim.run(scenario).summary["linear"], name
 
 
