@@ -145,14 +145,17 @@ def test_new_writes_a_valid_case(kind, here):
     assert f"`beamsim {kind.command} {name}`" in done.stdout
     valid = invoke("validate", name)
     assert valid.exit_code == 0, valid.output
-    (here / name).write_text("precious")
-    refused = invoke("new", name, "--kind", kind)
+    assert (here / name).read_text().partition("\n")[2] == template(kind)
+
+
+def test_new_replaces_a_case_on_request_and_names_the_schema(here):
+    (here / "new.yaml").write_text("precious")
+    refused = invoke("new", "new.yaml")
     assert refused.exit_code == 2
     assert "--force" in refused.stderr
-    assert (here / name).read_text() == "precious"
-    assert invoke("new", name, "--kind", kind, "--force", "--json").exit_code == 0
-    first, _, rest = (here / name).read_text().partition("\n")
-    assert rest == template(kind)
+    assert (here / "new.yaml").read_text() == "precious"
+    assert invoke("new", "new.yaml", "--force", "--json").exit_code == 0
+    first = (here / "new.yaml").read_text().partition("\n")[0]
     schema = here / first.removeprefix("# yaml-language-server: $schema=")
     assert json.loads(schema.read_text(encoding="utf-8")) == json.loads(invoke("schema").stdout)
 

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from functools import cache
 from html import unescape
 from pathlib import Path
 
@@ -75,11 +76,19 @@ def stored(name, folder):
     return target
 
 
-def reported(name, folder):
-    done = invoke("report", stored(name, folder), "-o", folder, "--json")
-    assert done.exit_code == 0, done.output
-    (file,) = json.loads(done.stdout)["files"]
-    return Path(file)
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """Gives the report of a kept result, which is made once."""
+
+    @cache
+    def by_name(name):
+        folder = tmp_path_factory.mktemp(name)
+        done = invoke("report", stored(name, folder), "-o", folder, "--json")
+        assert done.exit_code == 0, done.output
+        (file,) = json.loads(done.stdout)["files"]
+        return Path(file)
+
+    return by_name
 
 
 def tried(file, tmp_path):
@@ -97,9 +106,8 @@ def tried(file, tmp_path):
 
 
 @first_apart("name", 5, KINDS)
-def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
-    file = reported(name, tmp_path)
-    text = file.read_text(encoding="utf-8")
+def test_every_kind_of_result_has_a_report_in_one_file(name, reported):
+    text = reported(name).read_text(encoding="utf-8")
     assert len(text.encode()) < LARGEST
     # nothing is fetched: addresses are within the page or hold their data
     outside = [
@@ -123,8 +131,8 @@ def test_every_kind_of_result_has_a_report_in_one_file(name, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "said"), [("sweep", "swept sine"), ("continuation", "steady sine")])
-def test_the_excitation_of_a_sweep_is_a_sweep(name, said, tmp_path):
-    text = reported(name, tmp_path).read_text(encoding="utf-8")
+def test_the_excitation_of_a_sweep_is_a_sweep(name, said, reported):
+    text = reported(name).read_text(encoding="utf-8")
     (excitation,) = re.findall(r'excitation</td><td class="text">(.*?)</td>', text)
     assert excitation.startswith(said)
     assert " to " in excitation
@@ -136,16 +144,16 @@ def test_a_caption_is_no_file_name():
         assert f"<figcaption>{words}</figcaption>" in page.caption_plot(name, "")
 
 
-def test_the_verdict_names_the_limit_that_is_exceeded(tmp_path):
-    text = reported("continuation", tmp_path).read_text(encoding="utf-8")
+def test_the_verdict_names_the_limit_that_is_exceeded(reported):
+    text = reported("continuation").read_text(encoding="utf-8")
     assert '<div class="verdict bad"><strong>Limit exceeded: gap</strong>' in text
     assert "bad-cell" in text
 
 
 @needs_browser
 @pytest.mark.parametrize("name", ["run_random", "designs", "nnm"])
-def test_plots_and_animation_react_in_a_browser_without_errors(name, tmp_path):
-    said = tried(reported(name, tmp_path), tmp_path)
+def test_plots_and_animation_react_in_a_browser_without_errors(name, reported, tmp_path):
+    said = tried(reported(name), tmp_path)
     assert said["errors"] == []
     assert said["drawn"] > 0
     width = [abs(said[when][1] - said[when][0]) for when in ("before", "after")]
@@ -201,9 +209,8 @@ def test_hostile_texts_run_no_script_and_fetch_nothing(tmp_path):
 
 
 @needs_browser
-def test_a_script_that_runs_and_a_picture_that_is_fetched_are_noticed(tmp_path):
-    file = reported("run_chain", tmp_path)
-    text = file.read_text(encoding="utf-8")
+def test_a_script_that_runs_and_a_picture_that_is_fetched_are_noticed(reported, tmp_path):
+    file, text = tmp_path / "changed.html", reported("run_chain").read_text(encoding="utf-8")
     file.write_text(text.replace("<main>", "<main><script>window.hit=1</script>"), encoding="utf-8")
     assert tried(file, tmp_path)["hit"] == 1
     fetched = text.replace(page.POLICY, "").replace("<main>", '<main><img src="http://hostile.invalid/a">')
@@ -212,9 +219,8 @@ def test_a_script_that_runs_and_a_picture_that_is_fetched_are_noticed(tmp_path):
 
 
 @needs_browser
-def test_a_broken_script_is_noticed(tmp_path):
-    file = reported("run_chain", tmp_path)
-    text = file.read_text(encoding="utf-8")
+def test_a_broken_script_is_noticed(reported, tmp_path):
+    file, text = tmp_path / "changed.html", reported("run_chain").read_text(encoding="utf-8")
     file.write_text(text.replace("for (const [place", 'console.error("broken"); for (const [place'), encoding="utf-8")
     assert "broken" in " ".join(tried(file, tmp_path)["errors"])
 

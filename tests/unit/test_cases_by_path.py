@@ -16,11 +16,11 @@ snubbers: [{name: stop, at: {mass: 1}, side: below, gap: 0 mm, stiffness: 10 kN/
 excitation: {kind: harmonic, applied_to: base, frequency: 5 Hz, level: 2 g}
 probes: [{name: mass, mass: 1}]
 run: {duration: 0.2 s, sample_rate: 500 Hz, convergence: off}
-nnm: {mode: 1, continue_in: {kind: stiffness_factor, from: 0, to: 0.1}}
+nnm: {mode: 1, continue_in: {kind: stiffness_factor, from: 0, to: 0.1}, convergence: off}
 """
 SWEEPS = {
     "sweep": "{kind: stepped, from: 4 Hz, to: 5 Hz, points: 2, convergence: off}",
-    "continuation": "{kind: continuation, from: 30 Hz, to: 30.5 Hz}",
+    "continuation": "{kind: continuation, from: 30 Hz, to: 30.5 Hz, convergence: off}",
     "coexisting": "{kind: coexisting, at: [30 Hz], starts: {kind: phases, number: 2}, most_cycles: 2000}",
 }
 

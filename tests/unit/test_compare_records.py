@@ -143,7 +143,7 @@ def test_table_json_file_and_picture(tmp_path, shaken):
     table = invoke("compare", path, tmp_path / "lab.csv", "--no-plots", "-v").output
     assert "ratio   scale" in table
     assert "1.25    1.25 \u00b1 " in table
-    done = invoke("compare", path, tmp_path / "lab.csv", "--json", "-o", tmp_path)
+    done = invoke("compare", path, tmp_path / "lab.csv", "--json", "--no-plots", "-o", tmp_path)
     assert '"peak_ratio": 1.25' in done.stdout
     (kept,) = beamsim.load(tmp_path / "shock_compare.h5").channels
     assert kept.record.scale == pytest.approx(1.25)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import beamsim
+from beamsim.analyses.continuation.analysis import continuation
 from beamsim.analyses.identify.vibrations import steady_vibration
+from beamsim.analyses.nnm.analysis import nnm
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.contacts.branches import fit_loop
 from beamsim.contacts.pads import ForceCurve, _slopes, fit_curve, loop_width, relaxed_part
@@ -100,9 +102,9 @@ def test_a_stop_pressed_further_than_its_table_goes():
     points = [{**chain["snubbers"][0], "force_deflection": {"points": [[0, 0], [1e-3, 20]]}}]
     results = [
         sweep(load_scenario(chain | {"sweep": swept})),
-        beamsim.continuation(load_scenario(chain | {"sweep": {"kind": "continuation", "from": 15, "to": 18}})),
+        continuation(load_scenario(chain | {"sweep": {"kind": "continuation", "from": 15, "to": 18}})),
         beamsim.design_study(load_scenario(chain | {"vary": levels})),
-        beamsim.nnm(load_scenario(chain | {"nnm": {"mode": 1, "energy": 0.06}, "excitation": {"kind": "none"}})),
+        nnm(load_scenario(chain | {"nnm": {"mode": 1, "energy": 0.06}, "excitation": {"kind": "none"}})),
     ]
     assert [len([w for w in beyond(result) if "its table ends at 1 mm, 20 N" in w]) for result in results] == [1] * 4
     (warning,) = beyond(beamsim.design_study(load_scenario(chain | {"vary": scales, "snubbers": points})))

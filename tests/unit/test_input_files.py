@@ -92,8 +92,7 @@ def test_a_file_that_was_changed_during_the_run_is_not_taken_for_the_one_that_wa
             of.folder_of(*key)
 
 
-@pytest.mark.parametrize("stamp", [0.0, 1e9, 1e10])
-@pytest.mark.parametrize("clock", ["1970-01-01", "2100-01-01"])
+@pytest.mark.parametrize(("clock", "stamp"), [("1970-01-01", 1e10), ("2100-01-01", 0.0)])
 def test_clocks_and_time_stamps_change_nothing(stamp, clock, tmp_path, monkeypatch):
     """Files of long ago and of the year 2286, solved on a computer whose clock is set to another century."""
 

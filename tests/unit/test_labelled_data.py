@@ -1,14 +1,11 @@
 """Labelled datasets: parts by label, units of members, what is missing, and files that do not hold what is declared."""
 
-import re
 from dataclasses import replace
-from pkgutil import resolve_name
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from beamsim.kinds import KINDS
 from beamsim.labelled import Item, LargeArray, Layout, Variable
 from beamsim.store.results import read_items, write_items
 
@@ -145,24 +142,6 @@ def same(one, other):
 def test_a_dataset_comes_back_from_a_file(places, tmp_path):
     made = LAYOUT.dataset(values(places) | {"count": np.arange(len(places))}, words(places))
     same(LAYOUT.read(from_file(made.read(), tmp_path / "case.h5")), made)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_declared_dataset_comes_back_from_a_file(kind, tmp_path):
-    rng = np.random.default_rng(3)
-    makers = {
-        float: rng.random, int: lambda shape: rng.integers(0, 9, shape), bool: lambda shape: rng.random(shape) > 0.5,
-        str: lambda shape: np.resize(np.array(NAMES, dtype=object), shape),
-    }  # fmt: skip
-    for layout in resolve_name(KINDS[kind].result).DATASETS:
-        sizes = {name: 3 + k for k, (name, of) in enumerate(layout.variables.items()) if of.dims == (name,)}
-        sizes = {name: min(size, len(NAMES)) for name, size in sizes.items()}
-        given = {name: makers[of.type](tuple(sizes[dim] for dim in of.dims)) for name, of in layout.variables.items()}
-        texts = [text for of in layout.variables.values() for text in (of.unit, of.meaning)]
-        said = {word: word for text in texts for word in re.findall(r"{(\w+)}", text)}
-        made = layout.dataset(given, **said)
-        assert set(made) == set(layout.variables)
-        same(layout.read(from_file(made.read(), tmp_path / f"{layout.name}.h5")), made)
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def impacts(damping, n, **settings):
     )
 
 
-@pytest.mark.parametrize("n", [3, 5, 7, 9])
+@pytest.mark.parametrize("n", [3, 9])
 def test_subharmonics_of_an_impact_oscillator_have_the_period_of_its_swing(n):
     """One impact in n cycles where the forcing is n times the bilinear frequency (Shaw and Holmes 1983)."""
     steady = sweep(impacts(0.02, n))["steady_states"]

@@ -14,7 +14,7 @@ from beamsim.responses.energies import LARGEST_ERROR
 from beamsim.scenario import Scenario
 from beamsim.store.results import write_result
 
-SWEPT = {"kind": "swept_sine", "from": 0.6, "to": 1.0, "rate": "0.005 Hz/s", "direction": "both"}
+SWEPT = {"kind": "swept_sine", "from": 0.6, "to": 1.0, "rate": "0.01 Hz/s", "direction": "both"}
 STEPPED = {"kind": "stepped", "from": 0.6, "to": 0.9, "points": 3}
 KINDS = [
     {},

@@ -54,8 +54,15 @@ vary:
 WORST = force(1.1 * K, 1.2 * S, 2e-3 - 3e-4)
 
 
-def test_the_worst_is_the_closed_form_at_its_corner():
-    result = design_study(study())
+@pytest.fixture(scope="module")
+def solved():
+    """The result of the study as it stands, and the outcomes of its cases in the order in which they were solved."""
+    outcomes = []
+    return design_study(study(), each=outcomes.append), outcomes
+
+
+def test_the_worst_is_the_closed_form_at_its_corner(solved):
+    result, _ = solved
     worst = result.summary["worst"]
     assert (worst["case"], worst["kind"], worst["most_further_cases"]) == (1, "searched", 150)
     assert worst["by"]["peak_force"]["value"] == pytest.approx(WORST, rel=1e-9)
@@ -70,8 +77,8 @@ def test_the_worst_is_the_closed_form_at_its_corner():
     assert (of[FORCE]["smallest_is"], of["probes/mass/peak_displacement"]["largest_is"]) == ("sampled", "sampled")
 
 
-def test_every_printed_worst_is_called_sampled_or_searched(tmp_path):
-    result = design_study(study())
+def test_every_printed_worst_is_called_sampled_or_searched(solved, tmp_path):
+    result, _ = solved
     screen = design_screen(result)
     text = "\n".join(map(str, [screen.rows, *screen.lines]))
     count = result.summary["worst"]["further_cases"]
@@ -119,12 +126,9 @@ def test_a_quantile_is_not_searched():
     assert "further_realisations" not in result.datasets
 
 
-def test_a_search_that_was_interrupted_goes_on_with_what_is_in_the_journal(tmp_path):
-    plan, target = plan_designs(study()), tmp_path / "study.h5"
+def test_a_search_that_was_interrupted_goes_on_with_what_is_in_the_journal(solved, tmp_path):
+    (whole, kept), plan, target = solved, plan_designs(study()), tmp_path / "study.h5"
     check_cases(plan)
-    whole = design_study(plan)
-    kept = []
-    design_study(plan, each=kept.append)
     with opened_journal(journal_path(target), plan.fingerprint, resume=False) as journal:
         for outcome in kept[:-7]:
             journal.add(outcome)
