@@ -77,14 +77,14 @@ class Evaluator:
     def __init__(
         self, solving: AbstractContextManager[Callable[[Iterable[Case]], Iterator[CaseOutcome]]], *, most_cases: int,
         realisations: int = 1, with_finer_model: bool = False, most_further: int = 0,
-        solved_before: Iterable[CaseOutcome] = (), each: Callable[[CaseOutcome], None] | None = None,
+        solved_before: Iterable[CaseOutcome] = (), on_outcome: Callable[[CaseOutcome], None] | None = None,
     ) -> None:  # fmt: skip
         self.most = most_cases
         self.rows: list[tuple[Value, ...]] = []  # the values of every case that was asked for, by its number
         self.outcomes: dict[int, CaseOutcome] = {}  # of these, by index: realisations of a case follow each other
         self.ended = ""  # "interrupted", or "most_cases" where more were asked for than are allowed
         self._known = {(outcome.index, outcome.compared): outcome for outcome in solved_before}
-        self._each, self._count, self._solving, self._open = each, realisations, solving, ExitStack()
+        self._each, self._count, self._solving, self._open = on_outcome, realisations, solving, ExitStack()
         self._compared, self._most_further = with_finer_model, most_further
         self.further: dict[int, Case] = {}  # further realisations of cases, by number
 

@@ -524,12 +524,12 @@ class Layout:
                 columns[name] = None if lacking else column
         return self.dataset(columns | values, {dim: row_words} if row_words or not rows else None)
 
-    def _dimensions(self, known: Mapping[str, Any]) -> list[str]:
+    def _dimensions(self, variables: Mapping[str, Any]) -> list[str]:
         """The dimensions of a dataset with these variables."""
         return [
             name
             for name, declared in self.variables.items()
-            if declared.dims == (name,) and name in known and (declared.type is not str or len(known[name]))
+            if declared.dims == (name,) and name in variables and (declared.type is not str or len(variables[name]))
         ]
 
     def read(self, items: Items) -> Dataset:

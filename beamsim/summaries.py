@@ -76,7 +76,7 @@ class Entry(NamedTuple):
     unit: str = ""
     meaning: str = ""
     section: str = ""
-    of: str = ""  # the variable that it repeats, ``modes/kept_modes``; the entry is left out where there is none
+    variable: str = ""  # the variable that it repeats, ``modes/kept_modes``; the entry is left out where there is none
     # type of the value as it is stored, `Number` by default; that of the variable where it repeats one
     form: Any = None
     ranked_by: str = ""  # of many records: what those that are printed have most of
@@ -153,7 +153,7 @@ def summary_of(result: Any, **computed: Any) -> dict[str, Any]:
     values = {}
     for entry in result.SUMMARY:
         value = computed.get(entry.name)
-        if value is None and entry.of:
+        if value is None and entry.variable:
             value = _variable(result, entry)
         if value is not None:
             values[entry.name] = list(value) if isinstance(value, tuple) else value
@@ -162,7 +162,7 @@ def summary_of(result: Any, **computed: Any) -> dict[str, Any]:
 
 def _variable(result: Any, entry: Entry) -> Any:
     """The values of the variable that an entry repeats; None where the result has none."""
-    dataset, _, name = entry.of.partition("/")
+    dataset, _, name = entry.variable.partition("/")
     variables = result.datasets.get(dataset, {})
     return variables[name].values.tolist() if name in variables else None
 
@@ -185,7 +185,7 @@ def demand_summary(result: Any) -> None:
         if name not in entries:
             raise ValueError(f"summary: {name} is unknown")
         entry = entries[name]
-        if entry.form is not None or not entry.of:
+        if entry.form is not None or not entry.variable:
             try:
                 _checker(name, cls).validate_python(as_builtin(value), strict=True)
             except ValidationError as error:
@@ -193,7 +193,7 @@ def demand_summary(result: Any) -> None:
                 where = ".".join(map(str, (name, *first["loc"])))
                 raise ValueError(f"summary: {where}: {first['msg']}") from None
         elif (of := _variable(result, entry)) is None or _form(value) != _form(as_builtin(of)):
-            raise ValueError(f"summary: {name} is not what {entry.of} holds")
+            raise ValueError(f"summary: {name} is not what {entry.variable} holds")
 
 
 @cache
@@ -216,6 +216,6 @@ def complete_entry(cls: Any, entry: Entry) -> Entry:
     """The entry of a result's summary with the unit and the meaning of the variable that it repeats."""
     if entry.meaning:
         return entry
-    dataset, _, name = entry.of.partition("/")
+    dataset, _, name = entry.variable.partition("/")
     variable = next(layout for layout in cls.DATASETS if layout.name == dataset).variables[name]
     return entry._replace(unit=variable.unit, meaning=variable.meaning)

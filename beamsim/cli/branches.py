@@ -244,7 +244,7 @@ def _branches_and_methods(result: NormalModeResult) -> Iterator[str]:
         yield f"multiple scales: differences of the frequency {_orders_text(of['observed_order_frequency'])}"
     if of := s.get("relaxed_minimisation"):
         apart = percent(of["largest_frequency_difference"], 2)
-        reached = f"{of['steps_reached']} of {of['steps']} steps, frequency within {apart} of the exact one"
+        reached = f"{of['steps_converged']} of {of['steps']} steps, frequency within {apart} of the exact one"
         yield f"relaxed minimisation: {reached}, {of['cost_ratio']:.3g} times the cost of shooting"
 
 

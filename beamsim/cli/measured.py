@@ -110,7 +110,7 @@ def _parameters(result: IdentificationResult, fit: Dataset) -> list[dict[str, st
     for name in fit.labels("parameter"):
         p = fit.sel(parameter=name)
         unit, value, deviation = p["value"].unit, p["value"].item(), p["standard_deviation"].item()
-        row = {"": parameter_label(name), "before": amount(p["before"].item(), unit)}
+        row = {"": parameter_label(name), "before": amount(p["initial_value"].item(), unit)}
         row["found"] = _estimate_text(value, unit, deviation) + (" at its bound" if p["at_bound"].item() else "")
         rows.append(row | _scatter(deviation, p["interval"].values.tolist(), unit, section.coverage))
     return rows

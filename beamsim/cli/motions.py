@@ -39,7 +39,7 @@ def run_screen(result: RunResult) -> Screen:
     if stress is not None and is_known(stress):
         body = f"{s['largest_bending_stress_body']}, " if "largest_bending_stress_body" in s else ""
         at = {"x": s["largest_bending_stress_position_m"]}
-        if is_known(y := s.get("largest_bending_stress_across_m")):
+        if is_known(y := s.get("largest_bending_stress_y_m")):
             at["y"] = y
         where = ", ".join(f"{axis} = {amount(place, 'm') if place else '0'}" for axis, place in at.items())
         lines.append(f"bending stress {errors.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")

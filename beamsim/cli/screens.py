@@ -298,28 +298,28 @@ def contact_levels(result: Result, errors: Errors) -> Iterator[str]:
         yield f"{first_of(alike, MOST_SHOWN)} {several.get(verb, verb)} {rest}"
 
 
-def _closest_approach_text(result: Result, of: Mapping[str, Any], lowest: Mapping[str, Any]) -> str:
+def _closest_approach_text(result: Result, prediction: Mapping[str, Any], lowest: Mapping[str, Any]) -> str:
     """Closest approach of a test with varying level to opening or closing a contact, as text.
 
     Parameters
     ----------
     result : result of the test.
-    of : its level, share of the test level and frequency, or the first event.
+    prediction : its level, share of the test level and frequency, or the first event.
     lowest : the same for the lowest level, with which the sentence begins.
     """
-    share = of["share_of_level"]
-    if "not_predicted" in of:
+    share = prediction["share_of_level"]
+    if "not_predicted" in prediction:
         return (
             ""
-            if lowest.get("not_predicted") == of["not_predicted"]
-            else (f"; in this test, raised as a whole, {of['not_predicted']}")
+            if lowest.get("not_predicted") == prediction["not_predicted"]
+            else (f"; in this test, raised as a whole, {prediction['not_predicted']}")
         )
     if not math.isfinite(share):
         return "; not in this test at any level"
-    verb, where = "opens" if of["closed_at_rest"] else "touches", f"{of['frequency_hz']:.4g} Hz"
-    if of["frequency_hz"] == lowest["frequency_hz"]:
+    verb, where = "opens" if prediction["closed_at_rest"] else "touches", f"{prediction['frequency_hz']:.4g} Hz"
+    if prediction["frequency_hz"] == lowest["frequency_hz"]:
         return f"; this test comes closest there, where that is {share:.3g} times its level"
-    level = f"{_level(result, of)}, {share:.3g} times the level there"
+    level = f"{_level(result, prediction)}, {share:.3g} times the level there"
     return f"; this test comes closest at {where}, where it {verb} from {level}"
 
 
@@ -365,46 +365,46 @@ def limits_in_test(result: Result) -> Iterator[str]:
 SIGMAS_REACHED = 5.0  # of a random motion: a Gaussian process exceeds them about once in a million cycles
 
 
-def linear_prediction(result: Result, of: Mapping[str, Any]) -> tuple[str, bool]:
+def linear_prediction(result: Result, prediction: Mapping[str, Any]) -> tuple[str, bool]:
     """Predicted contact change in linear motion, and whether it happens at the present level.
 
     Parameters
     ----------
     result : printed result.
-    of : entry of a snubber in its ``gapping``.
+    prediction : entry of a snubber in its ``gapping``.
     """
-    if "not_predicted" in of:
-        return f"not predicted: {of['not_predicted']}", False
-    verb = "opens" if of["closed_at_rest"] else "touches"
-    if "sigmas" in of:  # a random input
-        reached = of["sigmas"] < SIGMAS_REACHED
+    if "not_predicted" in prediction:
+        return f"not predicted: {prediction['not_predicted']}", False
+    verb = "opens" if prediction["closed_at_rest"] else "touches"
+    if "sigmas" in prediction:  # a random input
+        reached = prediction["sigmas"] < SIGMAS_REACHED
         rare = "" if reached else ", rarely or never"
-        if not of["sigmas"]:
+        if not prediction["sigmas"]:
             return f"{verb} as soon as it moves", reached
-        return f"{verb} at {of['sigmas']:.3g} sigma of the stationary linear motion{rare}", reached
-    share = of["share_of_level"]
+        return f"{verb} at {prediction['sigmas']:.3g} sigma of the stationary linear motion{rare}", reached
+    share = prediction["share_of_level"]
     reached = share <= 1.0
-    if math.isinf(of.get("level") or 0.0) or (not math.isfinite(share) and "time_s" in of):
+    if math.isinf(prediction.get("level") or 0.0) or (not math.isfinite(share) and "time_s" in prediction):
         return f"{verb} at no level of this input in linear motion", False
-    if of.get("level") is None:
+    if prediction.get("level") is None:
         level = f"from {share:.4g} times this input"
     else:
-        level = f"from {_level(result, of)}" if of["level"] else "as soon as it moves"
-    if "frequency_hz" in of:
-        where = f"at {of['frequency_hz']:.4g} Hz in steady linear motion"
+        level = f"from {_level(result, prediction)}" if prediction["level"] else "as soon as it moves"
+    if "frequency_hz" in prediction:
+        where = f"at {prediction['frequency_hz']:.4g} Hz in steady linear motion"
     else:
-        where = f"at {amount(of['time_s'], 's')} in linear motion"
+        where = f"at {amount(prediction['time_s'], 's')} in linear motion"
     here = "there" if "closest_to_test" in result.summary else "here"
     return f"{verb} {level} {where}{'' if reached else f', above the level {here}'}", reached
 
 
-def _level(result: Result, of: Mapping[str, Any]) -> str:
+def _level(result: Result, prediction: Mapping[str, Any]) -> str:
     """Predicted level in the quantity of the excitation; for a sine of the base also its acceleration."""
     quantity = getattr(result.scenario.excitation, "quantity", None) or "acceleration"
-    level, acceleration = of["level"], ""
+    level, acceleration = prediction["level"], ""
     if quantity == FACTOR:
         return f"{amount(level, '1')} times this input"
-    if "frequency_hz" in of and power_of(quantity):
+    if "frequency_hz" in prediction and power_of(quantity):
         acceleration = f" ({amount(level, amplitude_unit(quantity))})"
-        level /= acceleration_amplitude(1.0, quantity, of["frequency_hz"])
+        level /= acceleration_amplitude(1.0, quantity, prediction["frequency_hz"])
     return f"{amount(level, level_unit(quantity))}{acceleration}"

@@ -145,28 +145,31 @@ def _gap_lines(result: StudyResult) -> Iterator[str]:
         yield f"the front has a gap, {share}, at a {ends}: no design found there is in it"
 
 
-def _probability_screen(result: StudyResult, of: Mapping[str, Any]) -> Screen:
+def _probability_screen(result: StudyResult, probability: Mapping[str, Any]) -> Screen:
     """Probability of exceeding the limits, and its dependence on the numbers."""
-    p, variation = of["probability"], of["coefficient_of_variation"]
+    p, variation = probability["probability"], probability["coefficient_of_variation"]
     lines = []
     if is_known(variation) and math.isfinite(variation):
-        lines.append(f"95 % interval {of['low']:.2g} to {of['high']:.2g}, coefficient of variation {_share(variation)}")
-    if "distance" in of and math.isfinite(of["reliability_index"]):
-        index, method = of["reliability_index"], of["method"].replace("_", " ")
-        lines.append(f"reliability index {index:.3g}, design point at a distance of {of['distance']:.3g} ({method})")
-    lines += _region_line(result, of)
-    what = "every limit" if of["event"] == "all_limits" and len(result.limits) > 1 else "a limit"
+        interval = f"95 % interval {probability['low']:.2g} to {probability['high']:.2g}"
+        lines.append(f"{interval}, coefficient of variation {_share(variation)}")
+    if "distance" in probability and math.isfinite(probability["reliability_index"]):
+        index, method = probability["reliability_index"], probability["method"].replace("_", " ")
+        lines.append(
+            f"reliability index {index:.3g}, design point at a distance of {probability['distance']:.3g} ({method})"
+        )
+    lines += _region_line(result, probability)
+    what = "every limit" if probability["event"] == "all_limits" and len(result.limits) > 1 else "a limit"
     often = f" (one in {float(f'{1.0 / p:.2g}'):,.0f})".replace(",", " ") if is_known(p) and 0.0 < p < 0.1 else ""
     failed = f", {result.summary['failed']} FAILED" if result.summary["failed"] else ""
-    bound = f"below {of['high']:.1g}" if is_known(of["high"]) else "unknown"
+    bound = f"below {probability['high']:.1g}" if is_known(probability["high"]) else "unknown"
     estimate = f"{p:.2g}{often}" if is_known(p) and p else bound
-    verdict = f"probability of exceeding {what} {estimate}, {of['histories']} histories{failed}"
+    verdict = f"probability of exceeding {what} {estimate}, {probability['histories']} histories{failed}"
     return Screen(verdict, list(_random_rows(result)), [*lines, _comparison(result)])
 
 
-def _region_line(result: StudyResult, of: Mapping[str, Any]) -> Iterator[str]:
+def _region_line(result: StudyResult, probability: Mapping[str, Any]) -> Iterator[str]:
     """Failure regions with their shares of the probability, and the check for missing regions."""
-    agrees = f"subset simulation finds {of['cross_check']:.2g}" if "cross_check" in of else ""
+    agrees = f"subset simulation finds {probability['cross_check']:.2g}" if "cross_check" in probability else ""
     if "regions" not in result.datasets:
         yield from filter(None, [agrees])
         return
@@ -200,9 +203,9 @@ def _random_rows(result: StudyResult) -> Iterator[dict[str, str]]:
         }  # fmt: skip
 
 
-def _doubling(of: Dataset, unit: str) -> str:
+def _doubling(dependence: Dataset, unit: str) -> str:
     """Shift of the mean that doubles the probability; both directions if they are similar."""
-    ways = [tuple(of[f"doubles{end}"].sel(side=side).item() for end in ("", "_low", "_high")) for side in SIDES]
+    ways = [tuple(dependence[f"doubles{end}"].sel(side=side).item() for end in ("", "_low", "_high")) for side in SIDES]
     known = sorted(
         (way for way in ways if is_known(way[0]) and _is_within_factor_two(*way)), key=lambda way: abs(way[0])
     )
@@ -237,12 +240,12 @@ def _cases_text(result: StudyResult) -> str:
     return f"{cases}{solved}{failed}{passing}"
 
 
-def _remarks(result: StudyResult, name: str, of: Mapping[str, Any]) -> Iterator[str]:
+def _remarks(result: StudyResult, name: str, statistics: Mapping[str, Any]) -> Iterator[str]:
     """Populations of a sampled response, and the parameters that it depends on most."""
     called, shares = _response_label(result, name), result.summary.get("sensitivity", {}).get(name, {})
-    if "populations" in of:
-        mean = round_with_unit(of["mean"], result.units[name])
-        yield f"{called} has {_populations(result, name, of)}; its mean of {mean} describes none of them"
+    if "populations" in statistics:
+        mean = round_with_unit(statistics["mean"], result.units[name])
+        yield f"{called} has {_populations(result, name, statistics)}; its mean of {mean} describes none of them"
     key, text = ("total_order", _share) if result.kind == "sobol" else ("rank_correlation", "({:+.2f})".format)
     sure = {path: each[key] for path, each in shares.items() if key in each and each.get("p_value", 0.0) < 0.05}
     ranked = ", ".join(
@@ -266,18 +269,18 @@ def _swing_rows(result: StudyResult, names: Sequence[str]) -> Iterator[dict[str,
         yield {"": parameter_label(path)} | ranges
 
 
-def _populations(result: StudyResult, name: str, of: Mapping[str, Any]) -> str:
+def _populations(result: StudyResult, name: str, statistics: Mapping[str, Any]) -> str:
     """Text of the populations of a response."""
-    unit, groups = result.units[name], of["populations"]
+    unit, groups = result.units[name], statistics["populations"]
     ranges = [f"{extent(g['smallest'], g['largest'], unit)} in {count_text(g['cases'], 'case')}" for g in groups]
     return f"{len(groups)} populations: {', '.join(ranges)}"
 
 
-def _odds_text(of: Mapping[str, Any]) -> str:
+def _odds_text(estimate: Mapping[str, Any]) -> str:
     """Probability with its interval, each to two digits of the distance from 0 or 1."""
     share, low, high = (
         f"{100 * p:.{max(0, -math.floor(math.log10(min(p, 1 - p))) - 1) if 0 < p < 1 else 0}f}"
-        for p in (of["share"], of["low"], of["high"])
+        for p in (estimate["share"], estimate["low"], estimate["high"])
     )
     return f"{share} % (95 % interval {low} to {high} %)"
 
@@ -305,15 +308,19 @@ def _limit_lines(result: StudyResult) -> Iterator[str]:
         yield f"all limits met with a probability of {_odds_text(result.summary['probability'])}"
 
 
-def _range_row(result: StudyResult, name: str, of: Mapping[str, Any]) -> dict[str, str]:
+def _range_row(result: StudyResult, name: str, statistics: Mapping[str, Any]) -> dict[str, str]:
     """Response with its extremes and the parameters there."""
     row, unit = {"": _response_label(result, name)}, result.units[name]
-    if "mean" in of:  # a sample
-        return row | {label: round_with_unit(of[key], unit) for key, label in _STATISTICS.items()}
+    if "mean" in statistics:  # a sample
+        return row | {label: round_with_unit(statistics[key], unit) for key, label in _STATISTICS.items()}
     varied = ", ".join(parameter_label(path.rpartition(".")[2]) for path in result["cases"].labels("parameter"))
     for end in ("smallest", "largest"):
-        at = ", ".join(_parameters(result, of[f"{end}_at"]).values()) if of["smallest"] != of["largest"] else ""
-        row[f"{end} (at {varied})"] = f"{round_with_unit(of[end], unit)}{f' ({at})' if at else ''}"
+        at = (
+            ", ".join(_parameters(result, statistics[f"{end}_at"]).values())
+            if statistics["smallest"] != statistics["largest"]
+            else ""
+        )
+        row[f"{end} (at {varied})"] = f"{round_with_unit(statistics[end], unit)}{f' ({at})' if at else ''}"
     return row
 
 

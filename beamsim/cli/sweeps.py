@@ -310,7 +310,9 @@ def _find_coexisting(scenario: Scenario, target: Path, options: CommandOptions, 
             scenario.locating(),
         ):
             by = _workers(progress, **workers)
-            result = with_finer_model.coexisting(scenario, progress, interrupted, known=known, each=journal.add, **by)
+            result = with_finer_model.coexisting(
+                scenario, progress, interrupted, solved_before=known, on_outcome=journal.add, **by
+            )
         result = replace(result, command_processor_time_s=used_processor_time())
         written = keep_result(result, target, resumed=options.resume)
         if result.outcome.cut_short:

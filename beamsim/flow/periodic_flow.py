@@ -332,7 +332,7 @@ class PeriodicFlow(ABC):
         return 2 * self.system.size + self.system.contacts.internal_states
 
     @property
-    def passages(self) -> int:
+    def motions_computed(self) -> int:
         """Motions computed so far, of this flow and of those that come from it."""
         return self._march_count[0]
 

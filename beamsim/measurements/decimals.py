@@ -85,8 +85,8 @@ class NumberFormat:
         ('-1104.5 mm', 'tip2')
         """
 
-        def replace(found: re.Match[str]) -> str:
-            number = found[0]
+        def replace(match: re.Match[str]) -> str:
+            number = match[0]
             return number if self.value(number) is None else number.translate(_PLAIN[self.decimal])
 
         return _WITHIN_TEXT.sub(replace, text.strip()).replace("−", "-")

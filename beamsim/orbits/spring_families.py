@@ -56,16 +56,16 @@ class SpringFamily:
         return contacts if self.cubic is None else np.vstack([contacts, self.cubic.shape])
 
     @property
-    def passages(self) -> int:
+    def motions_computed(self) -> int:
         """Motions computed so far: the cost of a method, not in seconds."""
-        return self._earlier + (0 if self._current is None else self._current[1].passages)
+        return self._earlier + (0 if self._current is None else self._current[1].motions_computed)
 
     def _flow_at(self, factor: float) -> tuple[PeriodicFlow, Floats]:
         """The flow, and the static equilibrium."""
         if self._current is None or self._current[0] != factor:
             if factor < 0 and self.springs.count:
                 raise ArithmeticError("the stiffness factor became negative")
-            system, earlier = shift_system(self.system, self._along, factor - 1.0), self.passages
+            system, earlier = shift_system(self.system, self._along, factor - 1.0), self.motions_computed
             rest = np.zeros(system.size) if self.equilibrium is None else self.equilibrium(system)
             flow: PeriodicFlow
             if self.cubic is not None:
@@ -75,7 +75,7 @@ class SpringFamily:
                 flow = self._current[1].with_contacts(system.contacts)
             else:
                 flow = VariationalFlow(system)
-            self._current, self._earlier = (factor, flow, rest), earlier - flow.passages
+            self._current, self._earlier = (factor, flow, rest), earlier - flow.motions_computed
         return self._current[1], self._current[2]
 
     def flow_at(self, factor: float) -> tuple[PeriodicFlow, Parameter]:

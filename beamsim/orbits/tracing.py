@@ -222,13 +222,13 @@ def with_limit(outcome: Outcome, limit: str) -> Outcome:
     return outcome.copy_with(remedy=f"raise {limit}", numbers={**outcome.numbers, "limit": limit})
 
 
-def reaches_of(first: float, last: float, beyond: bool) -> tuple[tuple[float, float], tuple[float, float]]:
+def reaches_of(first: float, last: float, beyond_first: bool) -> tuple[tuple[float, float], tuple[float, float]]:
     """Where branches may go: a loop of the curve may reach back beyond the first value before it goes on.
 
     Parameters
     ----------
     first, last : values of the unknown.
-    beyond : whether the main branches may leave the range at its first value, by the ratio `EXCURSION`.
+    beyond_first : whether the main branches may leave the range at its first value, by the ratio `EXCURSION`.
 
     Returns
     -------
@@ -237,7 +237,7 @@ def reaches_of(first: float, last: float, beyond: bool) -> tuple[tuple[float, fl
     """
     low, high = sorted((first, last))
     main = low, high
-    if beyond:
+    if beyond_first:
         main = (low / EXCURSION, high) if last > first else (low, high * EXCURSION)
     little = 0.1 * (high - low)
     return main, (max(low - little, main[0]), min(high + little, main[1]))
@@ -661,15 +661,15 @@ def side_branches(
     followed_at: list[float] = []
     waiting = [leaving for branch in main_branches for leaving in branching_points(branch, longest)]
 
-    def urgency(each: BranchingPoint) -> tuple[bool, float]:
+    def urgency(branching: BranchingPoint) -> tuple[bool, float]:
         """The smallest one first: far from the bifurcations that were followed, so that all of the range is served."""
-        away = (abs(each.event.parameter - value) for value in followed_at)
-        return not each.at_stable, -min(away, default=0.0)
+        away = (abs(branching.event.parameter - value) for value in followed_at)
+        return not branching.at_stable, -min(away, default=0.0)
 
-    def is_an_end(each: BranchingPoint) -> bool:
+    def is_an_end(branching: BranchingPoint) -> bool:
         """Whether a branch that was followed ends there."""
-        value = each.event.parameter
-        ends = [p for b in known if b.problem.multiple == each.multiple for p in (b.points[0], b.points[-1])]
+        value = branching.event.parameter
+        ends = [p for b in known if b.problem.multiple == branching.multiple for p in (b.points[0], b.points[-1])]
         return any(abs(p.parameter - value) < SAME_PARAMETER * abs(value) for p in ends)
 
     while waiting:

@@ -91,8 +91,8 @@ def deflected_shapes(result: RunResult, name: str) -> Chart:
     of = name if len(bodies) > 1 else "the beam"
     scale = scale_for("m", beam["extreme_shape"].values, np.array([mark.y for mark in marks]))
     rest = Guide("", 0.0, {"color": "0.6", "linewidth": 0.7, "zorder": 1})
-    across, up = (f"Position along {of}", "m"), ("Relative deflection", scale)
-    return Chart(across, up, curves, [rest], marks=marks)
+    x_axis, y_axis = (f"Position along {of}", "m"), ("Relative deflection", scale)
+    return Chart(x_axis, y_axis, curves, [rest], marks=marks)
 
 
 def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, unit: str = "") -> None:
@@ -107,8 +107,12 @@ def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, uni
     unit : of the deflection, for a bar of colours; none where empty.
     """
     metres = scale_for("m", x, y)
-    across, up = np.unique(x), np.unique(y)
-    seen = across * metres.factor, up * metres.factor, shape[np.lexsort((x, y))].reshape(up.size, across.size)
+    x_values, y_values = np.unique(x), np.unique(y)
+    seen = (
+        x_values * metres.factor,
+        y_values * metres.factor,
+        shape[np.lexsort((x, y))].reshape(y_values.size, x_values.size),
+    )
     largest = float(np.abs(shape).max()) or 1.0
     levels = np.asarray(LEVELS.tick_values(-largest, largest))
     drawn = ax.contourf(*seen, levels=levels, cmap="RdBu_r", extend="both")
@@ -133,9 +137,9 @@ def plot_plate_mode(modes: Dataset, ax: Axes, body: str, number: int) -> None:
     """
     stations = Stations.of_modes(modes)
     on = next(part for part in stations.bodies if part.body == body).stations
-    assert stations.across is not None
+    assert stations.position_y is not None
     title = f"mode {number}, {modes['open_frequencies_hz'].values[number - 1]:.4g} Hz"
-    plot_contours(ax, stations.position[on], stations.across[on], modes["shapes"].values[number - 1, on], title)
+    plot_contours(ax, stations.position[on], stations.position_y[on], modes["shapes"].values[number - 1, on], title)
 
 
 def plot_plate_deflection(result: RunResult, ax: Axes, plate: Dataset, shape: Floats, title: str) -> None:
@@ -149,15 +153,15 @@ def plot_plate_deflection(result: RunResult, ax: Axes, plate: Dataset, shape: Fl
     shape : (nx,) m, of the plate.
     title : of the panel.
     """
-    x, y = plate["position"].values, plate["across"].values
+    x, y = plate["position"].values, plate["position_y"].values
     metres, scale = scale_for("m", x, y), scale_for("m", shape)
     plot_contours(ax, x, y, shape * scale.factor, title, scale.unit)
-    across = result["histories"].by_label("snubber_across")
+    snubber_y = result["histories"].by_label("snubber_position_y")
     for name, snubber in stops_of(result).items():
-        if name in across and np.isfinite(across[name].item()):
+        if name in snubber_y and np.isfinite(snubber_y[name].item()):
             ax.plot(
-                snubber.position * metres.factor, across[name].item() * metres.factor, linestyle="none", color="black",
-                marker=6 if snubber.side == "below" else 7, markersize=9, clip_on=False,
+                snubber.position * metres.factor, snubber_y[name].item() * metres.factor, linestyle="none",
+                color="black", marker=6 if snubber.side == "below" else 7, markersize=9, clip_on=False,
                 label=f"snubber {snubber.side}",
             )  # fmt: skip
 
@@ -216,7 +220,9 @@ def body_figures(result: RunResult) -> dict[str, Picture]:
     """Deflections of every body, mode shapes of plates and of several bodies, by the last part of the file name."""
     figures: dict[str, Picture] = {}
     bodies = result["bodies"].groups("station_body") if "bodies" in result.datasets else {}
-    plates = {name: body for name, body in bodies.items() if "across" in body and np.isfinite(body["across"]).all()}
+    plates = {
+        name: body for name, body in bodies.items() if "position_y" in body and np.isfinite(body["position_y"]).all()
+    }
     if beams := [name for name in bodies if name not in plates]:
         figures["deflected_shapes"] = Picture(result.title, [deflected_shapes(result, name) for name in beams])
     for name, plate in plates.items():

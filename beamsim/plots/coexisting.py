@@ -24,13 +24,13 @@ def basins(result: CoexistingResult, frequency_index: int) -> Chart:
     names, units = (starts[f"coordinate_{of}"].values.tolist() for of in ("name", "unit"))
     every = zip(names, units, starts["start"].values.T, strict=True)
     drawn = [(name.capitalize(), unit, x) for name, unit, x in every if np.ptp(x) > 0.0]
-    across, up = [*drawn, ("Number of the motion", "", ends.astype(float))][:2]
+    x_axis, y_axis = [*drawn, ("Number of the motion", "", ends.astype(float))][:2]
     there = motions["frequency_hz"].values == hz
     shares = zip(*(motions[name].values[there].tolist() for name in ("number", "share")), strict=True)
     labels = {number: f"motion {number}, {100 * share:.3g} %" for number, share in shares}
     curves = []
     for number, label in (labels | {0: "not settled"}).items():
-        places = np.column_stack([across[2], up[2]])[known & (ends == number)]
+        places = np.column_stack([x_axis[2], y_axis[2]])[known & (ends == number)]
         style = {"color": curve_style(number - 1)["color"] if number else "0.6", "markersize": 3.5}
         curves += (
             [marks_curve(label, places, marker=_MARKS[(number - 1) % len(_MARKS)], **style)] if places.size else []
@@ -38,7 +38,7 @@ def basins(result: CoexistingResult, frequency_index: int) -> Chart:
     more = f", {len(drawn) - 2} more coordinates drawn" if len(drawn) > 2 else ""
     title = f"{hz:.6g} Hz, {int(known.sum())} starts{more}"
     return Chart(
-        across[:2], up[:2], curves, integer_axes="y" if len(drawn) < 2 else "", curve_noun="motions", title=title
+        x_axis[:2], y_axis[:2], curves, integer_axes="y" if len(drawn) < 2 else "", curve_noun="motions", title=title
     )
 
 
@@ -54,8 +54,8 @@ def peaks(result: CoexistingResult, value: Value, name: str) -> Chart:
         face = {"markerfacecolor": colour if stable else "white", "markersize": size, "alpha": 0.8}
         known = any(curve.label == label for curve in curves)
         curves.append(marks_curve("" if known else label, (hz, peak), marker="o", color=colour, **face))
-    up = (f"{value.label.capitalize()} of {name}", value.unit)
-    return Chart(("Excitation frequency", HERTZ), up, curves, curve_noun="", y_ends=(0.0, None))
+    y_axis = (f"{value.label.capitalize()} of {name}", value.unit)
+    return Chart(("Excitation frequency", HERTZ), y_axis, curves, curve_noun="", y_ends=(0.0, None))
 
 
 def coexisting_figures(result: CoexistingResult) -> dict[str, Picture]:

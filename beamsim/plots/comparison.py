@@ -49,11 +49,11 @@ def spectra(c: ChannelComparison) -> Chart:
     unit = c.excitation_hz if forced else 1.0
     drawn = c.predicted_spectrum, c.measured_spectrum
     curves = _curve_pair(*((s.frequency_hz / unit, s.amplitude_db) for s in drawn))
-    across = ("Frequency / excitation frequency", "") if forced else ("Frequency", HERTZ)
+    x_axis = ("Frequency / excitation frequency", "") if forced else ("Frequency", HERTZ)
     last = min(HIGHEST_ORDER, float(c.predicted_spectrum.frequency_hz[-1]) / unit)
     top = max(0.0, *(float(s.amplitude_db.max()) for s in drawn))
     x_ends = (0.0, last) if forced else (None, None)
-    return Chart(across, ("Level (dB re max)", ""), curves, x_ends=x_ends, y_ends=(top - DEEPEST_DB, top + 6))
+    return Chart(x_axis, ("Level (dB re max)", ""), curves, x_ends=x_ends, y_ends=(top - DEEPEST_DB, top + 6))
 
 
 def response_spectra(c: ChannelComparison, record: RecordComparison) -> Chart:
@@ -61,8 +61,11 @@ def response_spectra(c: ChannelComparison, record: RecordComparison) -> Chart:
     curves = _curve_pair(
         (record.frequency_hz, record.predicted_response), (record.frequency_hz, record.measured_response)
     )
-    across, up = ("Natural frequency of the oscillator", HERTZ), (f"Response spectrum, Q = {record.quality:g}", c.unit)
-    return Chart(across, up, curves, log="xy")
+    x_axis, y_axis = (
+        ("Natural frequency of the oscillator", HERTZ),
+        (f"Response spectrum, Q = {record.quality:g}", c.unit),
+    )
+    return Chart(x_axis, y_axis, curves, log="xy")
 
 
 def swept_responses(c: SweptComparison) -> Chart:

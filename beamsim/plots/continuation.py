@@ -61,7 +61,7 @@ def peaks(result: ContinuationResult, value: Value, name: str) -> Chart:
 
 def _chart(
     result: ContinuationResult,
-    up: Axis,
+    y_axis: Axis,
     values: Values,
     overlaid: Sequence[tuple[OverlayCurve, Floats]],
     limits: Sequence[Guide],
@@ -81,7 +81,7 @@ def _chart(
     at = result["points"]["parameter"].values
     known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves])
     log = logarithmic("y", known)
-    chart = Chart(_parameter(result), up, curves, limits, log, curve_noun="", y_ends=(None if log else 0.0, None))
+    chart = Chart(_parameter(result), y_axis, curves, limits, log, curve_noun="", y_ends=(None if log else 0.0, None))
     return over_frequencies(chart, at) if result.parameter == "frequency" else chart
 
 
@@ -126,8 +126,8 @@ def harmonics(result: ContinuationResult, probe: str) -> Chart:
     level = f", {level_text(first, result.level_unit)}" if _several_levels(result) else ""
     top = max(float(line.y.max()) for line in lines)
     ends = (1e-4 * top, 2.0 * top) if top > 0.0 else (None, None)
-    up = (f"Amplitude of {probe}{level}", "m")
-    return Chart(_parameter(result), up, branch_curves(lines), log="y", curve_noun="", y_ends=ends)
+    y_axis = (f"Amplitude of {probe}{level}", "m")
+    return Chart(_parameter(result), y_axis, branch_curves(lines), log="y", curve_noun="", y_ends=ends)
 
 
 def fold_curves(result: ContinuationResult) -> Chart:
@@ -140,8 +140,8 @@ def fold_curves(result: ContinuationResult) -> Chart:
         places.append((x[begin], y[begin]))
     begun = marks_curve("", places, marker="s", markersize=5, color="0.2", markerfacecolor="white")
     snubber = folds[0]["followed_snubber"].item()
-    up = (f"{_WORDS[result.summary['second_parameter']]}{f' of {snubber}' if snubber else ''}", result.second_unit)
-    return Chart(("Excitation frequency", HERTZ), up, [*drawn, begun], curve_noun="")
+    y_axis = (f"{_WORDS[result.summary['second_parameter']]}{f' of {snubber}' if snubber else ''}", result.second_unit)
+    return Chart(("Excitation frequency", HERTZ), y_axis, [*drawn, begun], curve_noun="")
 
 
 def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:

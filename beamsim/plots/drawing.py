@@ -118,8 +118,8 @@ Ends = tuple[float | None, float | None]
 class Chart(NamedTuple):
     """A panel of curves over common axes, in SI units: what `draw` draws, and what a page for a browser shows."""
 
-    across: Axis
-    up: Axis
+    x_axis: Axis
+    y_axis: Axis
     curves: Sequence[Curve]
     levels: Sequence[Guide] = ()  # on a linear axis those far above the curves are left out
     log: str = ""  # the letters of logarithmic axes
@@ -141,10 +141,10 @@ class Chart(NamedTuple):
 
     @property
     def scales(self) -> tuple[Scale, Scale]:
-        """Scales in which the axis across and the one up are shown: the curves choose the prefixes of SI units."""
+        """Scales in which the two axes are shown: the curves choose the prefixes of SI units."""
         x, y = (
             unit if isinstance(unit, Scale) else scale_for(unit, *(getattr(curve, name) for curve in self.drawn))
-            for (_, unit), name in ((self.across, "x"), (self.up, "y"))
+            for (_, unit), name in ((self.x_axis, "x"), (self.y_axis, "y"))
         )
         return x, y
 
@@ -152,8 +152,8 @@ class Chart(NamedTuple):
 class HeatMap(NamedTuple):
     """A panel of values over two axes in SI units, which draws itself."""
 
-    across: Axis
-    up: Axis
+    x_axis: Axis
+    y_axis: Axis
     z_axis: Axis
     x: Floats  # (nx,)
     y: Floats  # (ny,)
@@ -225,8 +225,8 @@ def draw(ax: Axes, chart: Chart) -> None:
     curves, (x, y) = chart.drawn, chart.scales
     for k, curve in enumerate((*curves, *chart.marks)):
         style = {**curve_style(k), **curve.style}
-        across, up = thin_out(curve.x, curve.y, MOST_DRAWN)
-        ax.plot(across * x.factor, up * y.factor, label=curve.label or "_nolegend_", **style)
+        x_drawn, y_drawn = thin_out(curve.x, curve.y, MOST_DRAWN)
+        ax.plot(x_drawn * x.factor, y_drawn * y.factor, label=curve.label or "_nolegend_", **style)
     largest = max((float(np.nanmax(np.abs(curve.y), initial=0.0)) for curve in curves), default=0.0)
     near = [level for level in chart.levels if "y" in chart.log or abs(level.value) <= FARTHEST * largest]
     for level in near:
@@ -242,7 +242,7 @@ def draw(ax: Axes, chart: Chart) -> None:
         (ax.xaxis if letter == "x" else ax.yaxis).set_major_locator(MaxNLocator("auto", integer=True))
     for letter in chart.log:
         _label_logarithmic(ax.xaxis if letter == "x" else ax.yaxis)
-    finish(ax, with_unit(chart.across[0], x), with_unit(chart.up[0], y))
+    finish(ax, with_unit(chart.x_axis[0], x), with_unit(chart.y_axis[0], y))
     ax.set_title(chart.title, fontsize="small", loc="left")
     if chart.note:
         _write_note(ax, chart.note)

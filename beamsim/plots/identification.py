@@ -91,14 +91,14 @@ def pad_curve(pad: Dataset, quantity: str = "stiffness") -> Chart:
     """Measured and fitted stiffness or loss factor of a pad over frequency, or its stiffness over time."""
     dynamic = "frequency_hz" in pad
     at, curve_at = pad["frequency_hz" if dynamic else "time"].values, pad["curve_at"].values
-    up = ("Storage stiffness" if dynamic else "Force over deflection", _STIFFNESS)
+    y_axis = ("Storage stiffness" if dynamic else "Force over deflection", _STIFFNESS)
     if quantity == "loss_factor":
-        up = ("Loss factor", Scale(1.0, ""))
+        y_axis = ("Loss factor", Scale(1.0, ""))
     measured, fitted = pad[f"measured_{quantity}"].values, pad[f"curve_{quantity}"].values
     dots = {"linestyle": "none", "marker": "o", "markersize": 4, "markerfacecolor": "white", "color": _MEASURED}
     line = Curve(f"{len(pad.labels('branch'))} branches", curve_at, fitted, {"color": RED})
-    across = ("Frequency", HERTZ) if dynamic else ("Time", Scale(1.0, "s"))
-    return Chart(across, up, [line, Curve("measured", at, measured, dots)], log="x")
+    x_axis = ("Frequency", HERTZ) if dynamic else ("Time", Scale(1.0, "s"))
+    return Chart(x_axis, y_axis, [line, Curve("measured", at, measured, dots)], log="x")
 
 
 def profile_curve(profile: Dataset) -> Chart:
@@ -113,14 +113,14 @@ def profile_curve(profile: Dataset) -> Chart:
     One curve.
     """
     words, unit = parameter_label(profile["parameter"].item()), profile["unit"].item()
-    across = (f"{words[:1].upper()}{words[1:]}", "" if unit == "1" else unit)
+    x_axis = (f"{words[:1].upper()}{words[1:]}", "" if unit == "1" else unit)
     coverage, value = profile["coverage"].item(), profile["value"].values
     style = {"marker": "." if value.size < 40 else ""}
     bound = NormalDist().inv_cdf(0.5 + coverage / 2) ** 2
     level = Guide(f"{100 * coverage:g} %", bound, {"linestyle": _DOTTED})
     curve = Curve("", value, profile["misfit"].values, style)
     return Chart(
-        across, ("Misfit above its minimum", ""), [curve], [level], y_ends=(0.0, max(3 * bound, 1e-12)),
+        x_axis, ("Misfit above its minimum", ""), [curve], [level], y_ends=(0.0, max(3 * bound, 1e-12)),
         draw_extra=lambda ax, *_: ax.locator_params(axis="x", nbins=3),  # panels may be narrow
     )  # fmt: skip
 
@@ -129,7 +129,7 @@ def harmonics(test: Dataset) -> list[Chart]:
     """Measured and predicted harmonic amplitudes of one test, and the complex differences with the noise level."""
     measured, before, predicted = (
         test[f"harmonic_{name}_real"].values + 1j * test[f"harmonic_{name}_imag"].values
-        for name in ("measured", "before", "predicted")
+        for name in ("measured", "initial", "predicted")
     )
     order, name = test["harmonic_order"].values, test["name"].item()
     reference = float(np.max(np.abs(measured))) or 1.0
@@ -143,23 +143,23 @@ def harmonics(test: Dataset) -> list[Chart]:
         ("after", "+", RED, predicted - measured),
         ("noise", "_", "0.3", test["harmonic_noise"].values * np.sqrt(2)),
     )
-    charts, across = [], ("Frequency / excitation frequency", "")
+    charts, x_axis = [], ("Frequency / excitation frequency", "")
     for words, marks in ((f"{Path(name).stem}\nAmplitude", amplitudes), ("Residual", residuals)):
         curves = [
             Curve(label, order, 20 * np.log10(np.maximum(np.abs(values) / reference, 1e-9)),
                   {"linestyle": "none", "marker": mark, "color": colour, "markerfacecolor": "none"})
             for label, mark, colour, values in marks
         ]  # fmt: skip
-        up = (f"{words} (dB re largest)", "")
-        charts.append(Chart(across, up, curves, draw_extra=lambda ax, *_: ax.set_xticks(order)))
+        y_axis = (f"{words} (dB re largest)", "")
+        charts.append(Chart(x_axis, y_axis, curves, draw_extra=lambda ax, *_: ax.set_xticks(order)))
     return charts
 
 
 def transient(test: Dataset) -> list[Chart]:
     """A record with its prediction before and after the fit, and the residual compared with the noise."""
-    across, name, unit = ("Time", Scale(1.0, "s")), Path(test["name"].item()).stem, test["unit"].item()
+    x_axis, name, unit = ("Time", Scale(1.0, "s")), Path(test["name"].item()).stem, test["unit"].item()
     time, measured, before, predicted = (
-        test[f"sample_{column}"].values for column in ("time", "measured", "before", "predicted")
+        test[f"sample_{column}"].values for column in ("time", "measured", "initial", "predicted")
     )
     curves = [
         Curve("predicted before", time, before, {"color": "0.7", "linestyle": _DOTTED}),
@@ -169,7 +169,7 @@ def transient(test: Dataset) -> list[Chart]:
     left, noise = Curve("", time, measured - predicted, {"color": _MEASURED, "linewidth": 0.6}), test["noise"].item()
     bounds = [Guide("noise" if sign > 0 else "", sign * noise, {"linestyle": _DOTTED}) for sign in (1.0, -1.0)]
     words = test["quantity"].item().replace("_", " ")
-    return [Chart(across, (f"{name}\n{words}", unit), curves), Chart(across, ("Residual", unit), [left], bounds)]
+    return [Chart(x_axis, (f"{name}\n{words}", unit), curves), Chart(x_axis, ("Residual", unit), [left], bounds)]
 
 
 def swept(tests: Sequence[Dataset], branch: Dataset) -> Chart:

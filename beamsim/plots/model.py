@@ -197,8 +197,8 @@ def _loaded(site: LoadSite, sketch: Sketch) -> Sequence[Place]:
     along = np.linspace(first, last, 7)
     if not width:
         return [Place(site.body, float(x)) for x in along]
-    across = site.bounds[1] if site.bounds else (0.0, width)
-    return [Place(site.body, (float(x), y)) for y in across for x in along]
+    y_range = site.bounds[1] if site.bounds else (0.0, width)
+    return [Place(site.body, (float(x), y)) for y in y_range for x in along]
 
 
 def _probes(sketch: Sketch, ax: Axes) -> Iterator[Named]:

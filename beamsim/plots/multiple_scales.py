@@ -114,8 +114,8 @@ def expanded_response(result: ContinuationResult, probe: str) -> Chart:
                        b["stable"].values, {**colour, "linewidth": 1.2})
             for b in result.branches if b["period_multiple"].item() == 1 and b["level"].item() == of_level
         ]  # fmt: skip
-    across, up = ("Excitation frequency", HERTZ), (f"Largest deflection of {probe}", "m")
-    return Chart(across, up, branch_curves(lines), curve_noun="", y_ends=(0.0, None))
+    x_axis, y_axis = ("Excitation frequency", HERTZ), (f"Largest deflection of {probe}", "m")
+    return Chart(x_axis, y_axis, branch_curves(lines), curve_noun="", y_ends=(0.0, None))
 
 
 def forced_orders(result: ContinuationResult) -> Chart:
@@ -129,8 +129,8 @@ def forced_orders(result: ContinuationResult) -> Chart:
             label += f": observed order {observed:.2f}" if np.isfinite(observed) else ""
             style = {"color": curve_style(k)["color"], "linestyle": dashes, "marker": "."}
             curves.append(Curve(label, c["factor"].values, c["difference"].values[:, order], style))
-    across, up = ("Factor of springs, damping and force", ""), ("Difference over the motion's size", "")
-    return Chart(across, up, curves, log="xy")
+    x_axis, y_axis = ("Factor of springs, damping and force", ""), ("Difference over the motion's size", "")
+    return Chart(x_axis, y_axis, curves, log="xy")
 
 
 def forced_expansion(result: ContinuationResult) -> dict[str, Chart]:

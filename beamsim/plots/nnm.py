@@ -40,7 +40,7 @@ BRANCH_NAMES = {
     "non_brake": "non-brake orbits",
 }
 _STYLES = {"backbone": (0, 1.4), "tongue": (1, 1.0), "non_brake": (2, 1.4)}  # colour, width
-_FATES = {
+_NEARBY_MOTIONS = {
     "same": ("o", "near the backbone's motion"),
     "between": ("s", "where a tongue cuts the backbone"),
     "other": ("D", "near another motion"),
@@ -61,12 +61,12 @@ def backbone(result: NormalModeResult) -> Chart:
     largest = [np.abs(b["initial_displacement"].values).max(axis=1) for b in result.branches]
     log = logarithmic("y", largest[0])
     curves = _curves(result, [(b["frequency_hz"].values, y) for b, y in zip(result.branches, largest, strict=True)])
-    across, up = ("Frequency", HERTZ), ("Largest deflection at the extreme", "m")
-    return _with_resonance_names(result, Chart(across, up, curves, log=log, curve_noun=""))
+    x_axis, y_axis = ("Frequency", HERTZ), ("Largest deflection at the extreme", "m")
+    return _with_resonance_names(result, Chart(x_axis, y_axis, curves, log=log, curve_noun=""))
 
 
-def _columns(branch: Dataset, across: str, up: str) -> tuple[Floats, Floats]:
-    return branch[across].values, branch[up].values
+def _columns(branch: Dataset, x_name: str, y_name: str) -> tuple[Floats, Floats]:
+    return branch[x_name].values, branch[y_name].values
 
 
 def frequency_energy(result: NormalModeResult) -> Chart:
@@ -158,11 +158,11 @@ def _nodes(result: NormalModeResult) -> list[tuple[str, Floats]]:
 
 def motions(result: NormalModeResult) -> list[Chart]:
     """Displacement of the structure's nodes and contact forces over one period."""
-    time, across = result["motion"]["time"].values, ("Time", "s")
+    time, x_axis = result["motion"]["time"].values, ("Time", "s")
     curves = [Curve(name, time, deflection) for name, deflection in _nodes(result)]
     forces = [Curve(name, time, force.values) for name, force in result["motion"].by_label("force").items()]
-    pressed = [Chart(across, ("Contact force", "N"), forces, curve_noun="snubbers")] if forces else []
-    return [Chart(across, ("Displacement", "m"), curves), *pressed]
+    pressed = [Chart(x_axis, ("Contact force", "N"), forces, curve_noun="snubbers")] if forces else []
+    return [Chart(x_axis, ("Displacement", "m"), curves), *pressed]
 
 
 def phase_portrait(result: NormalModeResult) -> Chart:
@@ -179,18 +179,18 @@ def configuration(result: NormalModeResult) -> Chart:
     motion = result["motion"]
     named = {name: x.values for name, x in motion.by_label("displacement").items()}
     if len(named) > 1:
-        across = next(iter(named))
+        x_name = next(iter(named))
     else:
         named = dict(_nodes(result))
-        across = max(named, key=lambda name: float(np.abs(named[name]).max()))
-    others = [name for name in named if name != across] or [across]
+        x_name = max(named, key=lambda name: float(np.abs(named[name]).max()))
+    others = [name for name in named if name != x_name] or [x_name]
     # a brake orbit retraces its path: drawn twice, its dashes would merge into one line
     part = slice(
         (motion["time"].values.size + 1) // 2 if _branch_to_draw(result)["kind"].item() != "non_brake" else None
     )
-    curves = [Curve(name, named[across][part], named[name][part]) for name in others]
-    up = f"Displacement of {others[0]}" if len(others) == 1 else "Displacement"
-    return Chart((f"Displacement of {across}", "m"), (up, "m"), curves)
+    curves = [Curve(name, named[x_name][part], named[name][part]) for name in others]
+    y_label = f"Displacement of {others[0]}" if len(others) == 1 else "Displacement"
+    return Chart((f"Displacement of {x_name}", "m"), (y_label, "m"), curves)
 
 
 DRIFT_SHOWN = 1e-6  # relative, over the periods of a spectrum, above which a drift is shown
@@ -273,24 +273,24 @@ def _motion_name(result: NormalModeResult) -> str:
 def relaxed_figure(result: NormalModeResult) -> Picture:
     """Frequency, differences, functional and cost over the stiffness factor."""
     relaxed = result["relaxed_minimisation"]
-    factor, functional, passages = (relaxed[name].values for name in ("factor", "functional", "passages"))
+    factor, functional, motions = (relaxed[name].values for name in ("factor", "functional", "motions"))
     title = f"{result.title}\nrelaxed minimisation (Hazim 2010) and shooting"
     differences = {"frequency": "frequency_difference", "shape at rest": "shape_difference"}
     apart = [
         Curve(text, factor, np.where(relaxed[name].values > 0, relaxed[name].values, np.nan), {"marker": "."})
         for text, name in differences.items()
     ]
-    missed = ~relaxed["reached"].values
+    missed = ~relaxed["converged"].values
     ended = [Curve("at the end of a step", factor, functional, {"marker": "."})]
     if missed.any():
         places = np.stack([factor, functional], axis=1)[missed]
-        ended.append(marks_curve("not reached", places, marker="x", markersize=7))
+        ended.append(marks_curve("not converged", places, marker="x", markersize=7))
     tolerance = Guide("tolerance", relaxed["tolerance"].item(), {"linewidth": 0.9, "linestyle": "--"})
     cost = (
-        f"{passages.sum()} motions, {relaxed['processor_time_s'].values.sum():.2g} s; "
-        f"shooting {relaxed['shooting_passages'].item()}, {relaxed['shooting_processor_time_s'].item():.2g} s"
+        f"{motions.sum()} motions, {relaxed['processor_time_s'].values.sum():.2g} s; "
+        f"shooting {relaxed['shooting_motions'].item()}, {relaxed['shooting_processor_time_s'].item():.2g} s"
     )
-    steps = [Curve("", factor, passages.astype(float), {"drawstyle": "steps-mid"})]
+    steps = [Curve("", factor, motions.astype(float), {"drawstyle": "steps-mid"})]
     charts = [
         Chart(FACTOR, ("Frequency", HERTZ), list(_relaxed_frequencies(result)), curve_noun=""),
         Chart(FACTOR, ("Difference from shooting", ""), apart, log="y"),
@@ -308,8 +308,8 @@ def _relaxed_frequencies(result: NormalModeResult) -> Iterator[Curve]:
         yield Curve(label, *_columns(branch, "parameter", "frequency_hz"), style)
     relaxed = result["relaxed_minimisation"]
     steps = np.stack(_columns(relaxed, "factor", "frequency_hz"), axis=1)
-    for fate, (mark, text) in _FATES.items():
-        here = relaxed["fate"].values == fate
+    for name, (mark, text) in _NEARBY_MOTIONS.items():
+        here = relaxed["nearby_motion"].values == name
         if here.any():
             marks = {"marker": mark, "markersize": 3.5, "color": RED, "markerfacecolor": "white"}
             yield marks_curve(f"relaxed, {text}", steps[here], **marks)

@@ -66,8 +66,8 @@ def resonances(result: NormalModeResult) -> Chart:
         marks_curve("phase resonance", found, color="0.15", marker="D", markersize=4, zorder=6),
     ]
     shown = [predicted[:, 1], found[:, 1], *(line.y for line in lines.values())]
-    up = (f"Largest deflection of {name}", scale_for("m", *shown))
-    chart = Chart(("Frequency", HERTZ), up, curves, curve_noun="")
+    y_axis = (f"Largest deflection of {name}", scale_for("m", *shown))
+    chart = Chart(("Frequency", HERTZ), y_axis, curves, curve_noun="")
     if not lines:
         return chart
     at, scale = np.concatenate([line.x for line in lines.values()]), _level_scale(result)
@@ -122,8 +122,8 @@ def level_spectrum(spectrum: Dataset, periods: int) -> Chart:
         Curve(name, frequency[reach], 20 * np.log10(np.maximum(line[reach] / top, TINY)))
         for name, line in lines.items()
     ]
-    across, up = ("Frequency", HERTZ), ("Amplitude (dB re largest)", "")
-    return Chart(across, up, curves, curve_noun="probes", x_ends=(0.0, highest), y_ends=(-120.0, 6.0))
+    x_axis, y_axis = ("Frequency", HERTZ), ("Amplitude (dB re largest)", "")
+    return Chart(x_axis, y_axis, curves, curve_noun="probes", x_ends=(0.0, highest), y_ends=(-120.0, 6.0))
 
 
 def departure(result: NormalModeResult) -> Chart:
@@ -134,8 +134,8 @@ def departure(result: NormalModeResult) -> Chart:
               of_levels["departure"].values[k])
         for k in np.flatnonzero(_is_followed(result))
     ]  # fmt: skip
-    up = ("Distance from the mode\n(norm of energy)", "")
-    return Chart(("Period", ""), up, curves, curve_noun="levels", y_ends=(0.0, None))
+    y_axis = ("Distance from the mode\n(norm of energy)", "")
+    return Chart(("Period", ""), y_axis, curves, curve_noun="levels", y_ends=(0.0, None))
 
 
 def phase_resonance_figures(result: NormalModeResult) -> dict[str, Picture]:

@@ -70,7 +70,7 @@ _FREE, _CLOSED = "0.62", "#a3263d"  # apart in grey print, too
 
 
 def histories(
-    result: RunResult, up: Axis, values: Mapping[str, Floats], levels: Iterable[Guide] = (), note: str = "",
+    result: RunResult, y_axis: Axis, values: Mapping[str, Floats], levels: Iterable[Guide] = (), note: str = "",
     noun: str = "probes",
 ) -> list[Chart]:  # fmt: skip
     """Time histories: the whole, and its last periods, unless that is the whole, or nothing happens then.
@@ -78,7 +78,7 @@ def histories(
     Parameters
     ----------
     result : of the run.
-    up : words and unit of the values.
+    y_axis : words and unit of the values.
     values : (nt,) at the output times, by name; the first are drawn.
     levels : to compare with.
     note : on the whole.
@@ -97,7 +97,7 @@ def histories(
     start = max(begin, end - (6 / excitation if np.isfinite(excitation) else 0.125 * (end - begin)))
     curves = [Curve(name, time, x) for name, x in values.items()]
     ends = begin, end if end > begin else begin + 1.0
-    whole = Chart(("Time", plain_scale("s")), up, curves, list(levels), curve_noun=noun, x_ends=ends, note=note)
+    whole = Chart(("Time", plain_scale("s")), y_axis, curves, list(levels), curve_noun=noun, x_ends=ends, note=note)
     first = int(np.searchsorted(time, start))
     last = [Curve(name, time[first:], x[first:]) for name, x in values.items()]
     if result.scenario.excitation.shock or start <= begin or not any(np.any(curve.y) for curve in last):
@@ -138,8 +138,8 @@ def _convergence_note(result: RunResult, entry: str, noun: str = "peaks", quanti
 def _over_bands(frequency: Floats, levels: Floats, end: float) -> tuple[Axis, Floats, Floats]:
     """The axis, places and levels of a spectrum in bands, of which not too many are shown up to an end, Hz."""
     count = max(int(np.searchsorted(frequency, end)) // MOST_BANDS, 1)
-    across = (f"Frequency in bands of {count * float(np.diff(frequency[:2])[0]):.2g} Hz", HERTZ)
-    return across, *band_levels(frequency, levels, count)
+    x_axis = (f"Frequency in bands of {count * float(np.diff(frequency[:2])[0]):.2g} Hz", HERTZ)
+    return x_axis, *band_levels(frequency, levels, count)
 
 
 def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Chart:
@@ -164,13 +164,13 @@ def spectrum(result: RunResult, quantity: str = "absolute_acceleration") -> Char
         [float(np.clip(last, 4.0, 12.0)) if forced else last, *spectra["line_frequency_hz"].values[chosen] / unit]
     )
     end = min(1.05 * seen, float(frequency[-1]) / unit) or 1.0
-    across: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
+    x_axis: Axis = ("Frequency", HERTZ) if unit == 1.0 else ("Frequency / excitation frequency", "")
     places = frequency / unit
     if result.scenario.excitation.stationary:
-        across, places, levels = _over_bands(frequency, levels, end)
+        x_axis, places, levels = _over_bands(frequency, levels, end)
     names = spectra["name"].values[shown].tolist()
     return Chart(
-        across, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""),
+        x_axis, (f"{quantity.replace('_', ' ').capitalize()} (dB re peak)", ""),
         [Curve(name, places, level) for name, level in zip(names, levels, strict=True)], curve_noun="probes",
         marks=list(_marked_lines(spectra, int(shown[0]), unit, end)), x_ends=(0.0, end),
         y_ends=(top - 100.0, top + 6.0), note=_convergence_note(result, "spectral_lines", "lines", quantity),
@@ -205,8 +205,8 @@ def _marked_lines(spectra: Dataset, signal: int, unit: float, end: float) -> Ite
 class _Phases(NamedTuple):
     """The motion of a place, with the labels of its axes, and whether there is contact."""
 
-    across: tuple[str, Scale]
-    up: tuple[str, Scale]
+    x_axis: tuple[str, Scale]
+    y_axis: tuple[str, Scale]
     displacement: Floats  # (nt,) m or rad
     velocity: Floats  # (nt,)
     in_contact: Bools  # (nt,)
@@ -233,8 +233,8 @@ def _phases(result: RunResult, kind: str, name: str, samples: slice) -> _Phases:
         w, v = w - stand, v - np.gradient(stand, histories["time"].values)
     w, v = w[samples], v[samples]
     relative = "" if stand is None else ", relative to the stop"
-    across = f"At {name}{relative}\n{words[0]}", scale_for(displacement.unit, w)
-    return _Phases(across, (words[1], scale_for(f"{displacement.unit}/s", v)), w, v, closed[samples])
+    x_axis = f"At {name}{relative}\n{words[0]}", scale_for(displacement.unit, w)
+    return _Phases(x_axis, (words[1], scale_for(f"{displacement.unit}/s", v)), w, v, closed[samples])
 
 
 def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
@@ -249,7 +249,7 @@ def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
     name : of it.
     """
     time = result["histories"]["time"].values[-MOST_STATES:]
-    across, up, w, v, closed = _phases(result, kind, name, slice(-MOST_STATES, None))
+    x_axis, y_axis, w, v, closed = _phases(result, kind, name, slice(-MOST_STATES, None))
     early = time < (result["spectra"]["start_s"].item() if "spectra" in result.datasets else 0.0)
     parts = (
         (early, "", {"color": "0.85", "linewidth": 0.5, "zorder": 1}),
@@ -261,7 +261,7 @@ def phase_portrait(result: RunResult, kind: str, name: str) -> Chart:
         for kept, label, style in parts
         if kept.any()
     ]
-    return Chart(across, up, curves)
+    return Chart(x_axis, y_axis, curves)
 
 
 def phase_density(result: RunResult, kind: str, name: str, start_s: float) -> HeatMap:
@@ -275,23 +275,23 @@ def phase_density(result: RunResult, kind: str, name: str, start_s: float) -> He
     start_s : what comes before is left out, s.
     """
     first = int(np.searchsorted(result["histories"]["time"].values, start_s))
-    across, up, w, v, closed = _phases(result, kind, name, slice(first, None))
+    x_axis, y_axis, w, v, closed = _phases(result, kind, name, slice(first, None))
     count, *edges = np.histogram2d(w, v, int(np.clip(0.6 * np.sqrt(w.size), *CELLS)))
     contact = np.histogram2d(w[closed], v[closed], edges)[0] > 0.5 * count
     share = np.where(count > 0.0, 100.0 * count / w.size, np.nan).T
 
     def plot(ax: Axes) -> None:
         norm = LogNorm(20.0 / w.size, float(np.nanmax(share)))  # a single sample is grey
-        of_edges = [edge * scale.factor for edge, scale in zip(edges, (across[1], up[1]), strict=True)]
+        of_edges = [edge * scale.factor for edge, scale in zip(edges, (x_axis[1], y_axis[1]), strict=True)]
         for colours, where in (("Reds", contact.T), ("Greys", ~contact.T)):
             mesh = ax.pcolormesh(*of_edges, np.where(where, share, np.nan), cmap=colours, norm=norm, rasterized=True)
         label = "Share of the time (%)" + "; red: in contact" * bool(contact.any())
         bar = ax.figure.colorbar(mesh, ax=ax, label=label, format=PowersOfTen())
         bar.minorformatter = PowersOfTen()
-        finish(ax, with_unit(*across), with_unit(*up))
+        finish(ax, with_unit(*x_axis), with_unit(*y_axis))
 
     x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)
-    return HeatMap(across, up, ("Share of the time (%)", ""), x, y, share, plot)
+    return HeatMap(x_axis, y_axis, ("Share of the time (%)", ""), x, y, share, plot)
 
 
 def force_deflection(result: RunResult, unit: str = "N") -> Chart:
@@ -307,8 +307,10 @@ def force_deflection(result: RunResult, unit: str = "N") -> Chart:
             penetration, closed = (each.values[-MOST_STATES:] for each in of_snubber)
             in_contact = np.where(closed, force.values[-MOST_STATES:], np.nan)
             loops.append(Curve(name, penetration, in_contact, {"linewidth": 0.8}))
-    across, up = (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
-    return Chart(across, (up, unit), loops, curve_noun="snubbers")
+    x_axis, y_axis = (
+        (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
+    )
+    return Chart(x_axis, (y_axis, unit), loops, curve_noun="snubbers")
 
 
 def shock_response(srs: Dataset, note: str) -> Chart:
@@ -321,10 +323,10 @@ def shock_response(srs: Dataset, note: str) -> Chart:
         for k, name in enumerate(names)
         if name == "input"
     ]
-    across, up = "Natural frequency of the oscillator", f"Peak acceleration, Q = {srs['quality'].item():g}"
+    x_axis, y_axis = "Natural frequency of the oscillator", f"Peak acceleration, Q = {srs['quality'].item():g}"
     ends, low = (float(f[0]), float(f[-1])), 0.1 * float(maximax.min())
     limits = dict(zip(names, srs["limit"].values[: len(names)], strict=True)) if "limit" in srs else {}
-    chart = Chart((across, "Hz"), (up, "m/s^2"), curves, log="xy", curve_noun="", x_ends=ends, note=note)
+    chart = Chart((x_axis, "Hz"), (y_axis, "m/s^2"), curves, log="xy", curve_noun="", x_ends=ends, note=note)
     squeezes = low > 0.0 and any(curve.y.min() < low for curve in curves)  # a residual that is nothing
     return chart._replace(marks=limit_curves(limits, f), y_ends=(low if squeezes else None, None))
 
@@ -336,9 +338,9 @@ def matched_spectrum(matched: Dataset) -> Chart:
     curves = [Curve("record", frequency, matched["reached"].values)]
     curve = Curve("curve asked for", frequency, matched["target"].values, pale)
     title = f"Record {misfit['lowest_db']:+.1f} to {misfit['highest_db']:+.1f} dB from the curve"
-    up = (f"Peak acceleration, Q = {misfit['quality']:g}", "m/s^2")
-    across = ("Natural frequency of the oscillator", "Hz")
-    return Chart(across, up, curves, log="xy", curve_noun="", marks=[curve], title=title)
+    y_axis = (f"Peak acceleration, Q = {misfit['quality']:g}", "m/s^2")
+    x_axis = ("Natural frequency of the oscillator", "Hz")
+    return Chart(x_axis, y_axis, curves, log="xy", curve_noun="", marks=[curve], title=title)
 
 
 def friction_loops(result: RunResult, displacements: Mapping[str, LabelledArray]) -> list[Chart]:
@@ -449,10 +451,10 @@ def density(response: Dataset, note: str = "") -> Chart:
             style = {"color": PALE, "linewidth": 2.2, "linestyle": dashes, "zorder": 1}
             words = f"{signal['name'].item()}, linear, always {name}"
             linear.append(Curve(words, f, np.where(value > 0.0, value, np.nan), style))
-    up = (f"{'Acceleration' if on_base else 'Displacement'} density", Scale(unit.factor**2, f"{squared}/Hz"))
+    y_axis = (f"{'Acceleration' if on_base else 'Displacement'} density", Scale(unit.factor**2, f"{squared}/Hz"))
     chart = Chart(
         _FREQUENCY,
-        up,
+        y_axis,
         curves,
         log="xy",
         curve_noun="signals",
@@ -480,12 +482,12 @@ def force_densities(response: Dataset) -> list[Chart]:
         drawn = [s for s in _signals(response)[1:] if (s["quantity"].item(), s["unit"].item()) == ("force", unit)]
         limits = _limits(drawn)
         if shown.size and any(limit is not None for limit in limits.values()):
-            curves, up = (
+            curves, y_axis = (
                 [Curve(s["name"].item(), f, s["density"].values[1:]) for s in drawn],
                 (label, Scale(1.0, squared)),
             )
             ends, marks = (float(shown[0]), float(shown[-1])), limit_curves(limits, f)
-            charts.append(Chart(_FREQUENCY, up, curves, log="xy", curve_noun="stops", marks=marks, x_ends=ends))
+            charts.append(Chart(_FREQUENCY, y_axis, curves, log="xy", curve_noun="stops", marks=marks, x_ends=ends))
     return charts
 
 
@@ -509,8 +511,8 @@ def transmissibility(response: Dataset) -> Chart:
         Curve(name, response["frequency_hz"].values, np.where(driven, size, np.nan), curve_style(k))
         for k, (name, size) in enumerate(sizes, int(on_base))  # 0 of the densities: input
     ]
-    up = ("Transmissibility", "") if on_base else ("Displacement / force", Scale(1.0, "m/N"))
-    return Chart(_FREQUENCY, up, curves, log="xy", curve_noun="probes")
+    y_axis = ("Transmissibility", "") if on_base else ("Displacement / force", Scale(1.0, "m/N"))
+    return Chart(_FREQUENCY, y_axis, curves, log="xy", curve_noun="probes")
 
 
 def random_picture(result: RunResult, response: Dataset) -> Picture:
@@ -532,11 +534,11 @@ def crossings(response: Dataset) -> Chart:
     grey = {"color": "0.6", "linewidth": 2.2, "linestyle": "-", "zorder": 0}
     gaussian = Curve("Gaussian", level, np.exp(-0.5 * level**2), grey)
     least = min((float(np.min(c.y, where=c.y > 0, initial=1.0)) for c in curves[:MOST_CURVES]), default=1.0)
-    across, up = ("Level above the mean (standard deviations)", ""), ("Upward crossings, those of the mean = 1", "")
+    x_axis, y_axis = ("Level above the mean (standard deviations)", ""), ("Upward crossings, those of the mean = 1", "")
     crossed = level[np.any([curve.y > 0.0 for curve in curves], axis=0)] if curves else level
     ends = min(float(crossed[0]), -4.0) - 0.5, max(float(crossed[-1]), 4.0) + 0.5
     return Chart(
-        across, up, curves, log="y", curve_noun="signals", marks=[gaussian], x_ends=ends, y_ends=(0.5 * least, 3.0)
+        x_axis, y_axis, curves, log="y", curve_noun="signals", marks=[gaussian], x_ends=ends, y_ends=(0.5 * least, 3.0)
     )
 
 
@@ -605,9 +607,9 @@ def cycles(cycles_by_name: Mapping[str, Dataset], label: str, unit: str, noun: s
         ranges, number = rainflow["range"].values[order], np.cumsum(rainflow["count"].values[order])
         x, y = np.append(0.5 * number[:1], number), np.append(ranges, 0.0)
         curves.append(Curve(name, x, y, {"drawstyle": "steps-post"}))
-    up = (label, unit if drawn else "")
+    y_axis = (label, unit if drawn else "")
     return Chart(
-        ("Cycles with a larger range", ""), up, curves, log="x", curve_noun=noun, y_ends=(0.0, None), title=title
+        ("Cycles with a larger range", ""), y_axis, curves, log="x", curve_noun=noun, y_ends=(0.0, None), title=title
     )
 
 
@@ -653,10 +655,10 @@ def damage_place(body: Mapping[str, Any]) -> str:
     For people: x = 250 mm, or (135 mm, 60 mm), sigma_x.
     """
     x = amount(body["position"], "m") if body["position"] else "0"
-    if "across" not in body:
+    if "position_y" not in body:
         return f"x = {x}"
     stress = "tau_xy" if body["component"] == "xy" else f"sigma_{body['component']}"
-    return f"({x}, {amount(body['across'], 'm')}), {stress}"
+    return f"({x}, {amount(body['position_y'], 'm')}), {stress}"
 
 
 def impact_figures(result: RunResult) -> dict[str, Picture]:

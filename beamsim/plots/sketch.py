@@ -98,12 +98,12 @@ class Sketch:
         """Nodes in space; rows are a quarter of the span apart, and a high structure is pressed between them."""
         assert self.stations.points is not None
         _, y, z = self.stations.points[part.stations].T
-        up = z - z.min() + _RISE * (y - y.min())
+        upward = z - z.min() + _RISE * (y - y.min())
         pairs = np.zeros((0, 2), dtype=np.int64) if self.stations.lines is None else self.stations.lines
         pairs = pairs[(pairs[:, 0] >= part.stations.start) & (pairs[:, 0] < part.stations.stop)] - part.stations.start
-        scale = min(4.0 / self.span, 0.5 / (float(up.max()) or 1.0))
+        scale = min(4.0 / self.span, 0.5 / (float(upward.max()) or 1.0))
         x = origin + self._right_offsets(part)
-        return Line(x, row, self.stations.position[part.stations], numbers, False, scale * up, pairs)
+        return Line(x, row, self.stations.position[part.stations], numbers, False, scale * upward, pairs)
 
     def _lines_of(self, part: BodyStations, row: int, origin: float) -> list[Line]:
         position, numbers = self.stations.position[part.stations], np.arange(part.stations.start, part.stations.stop)
@@ -112,11 +112,16 @@ class Sketch:
         x = origin + position
         if not part.axis.continuous:
             x = origin + (position - position.min()) * self.span / (float(np.ptp(position)) or 1.0)
-        across = None if self.stations.across is None else self.stations.across[part.stations]
-        if across is None or not np.all(np.isfinite(across)):
+        y_of_stations = None if self.stations.position_y is None else self.stations.position_y[part.stations]
+        if y_of_stations is None or not np.all(np.isfinite(y_of_stations)):
             return [Line(x, row, position, numbers, part.axis.continuous)]
-        edges = ((across == y, _SHEAR * y, rise) for y, rise in ((across.min(), 0.0), (across.max(), _RISE)))
-        return [Line(x[on] + right, row + up, position[on], numbers[on], True) for on, right, up in edges]
+        edges = (
+            (y_of_stations == y, _SHEAR * y, rise)
+            for y, rise in ((y_of_stations.min(), 0.0), (y_of_stations.max(), _RISE))
+        )
+        return [
+            Line(x[on] + right, row + deflection, position[on], numbers[on], True) for on, right, deflection in edges
+        ]
 
     def lines_of(self, body: str) -> list[Line]:
         """The lines of a body; one alone is called after its axis."""
@@ -124,14 +129,14 @@ class Sketch:
 
     def width(self, body: str) -> float:
         """That of a plate, m; else 0."""
-        lines, across = self.lines_of(body), self.stations.across
-        return float(across[lines[-1].stations[0]]) if len(lines) > 1 and across is not None else 0.0
+        lines, y_of_stations = self.lines_of(body), self.stations.position_y
+        return float(y_of_stations[lines[-1].stations[0]]) if len(lines) > 1 and y_of_stations is not None else 0.0
 
     def point(self, place: Place, heights: Floats | None = None) -> tuple[float, float]:
         """Where a place is drawn, at rest or with heights (nx,) of the stations; on a plate linear across it."""
         lines, width = self.lines_of(place.body), self.width(place.body)
         moved = self.rest if heights is None else heights
-        share = 0.0 if place.across is None or not width else place.across / width
+        share = 0.0 if place.position_y is None or not width else place.position_y / width
         x, y = (1.0 - share) * lines[0].at(place.coordinate, moved) + share * lines[-1].at(place.coordinate, moved)
         return float(x), float(y)
 

@@ -48,7 +48,7 @@ def _lines(stations: Stations, part: BodyStations, shape: Floats) -> Iterator[tu
     if part.axis is not ON_PLATE:
         yield part.body if several else "", x, y
         return
-    assert stations.across is not None
-    across = stations.across[part.stations]
-    for edge, at in (("bottom", across.min()), ("top", across.max())):
-        yield f"{part.body} {edge}" if several else edge, x[across == at], y[across == at]
+    assert stations.position_y is not None
+    y_of_stations = stations.position_y[part.stations]
+    for edge, at in (("bottom", y_of_stations.min()), ("top", y_of_stations.max())):
+        yield f"{part.body} {edge}" if several else edge, x[y_of_stations == at], y[y_of_stations == at]

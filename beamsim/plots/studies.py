@@ -88,8 +88,10 @@ def response_curves(result: StudyResult, quantity: str) -> Chart:
                 ax.fill_between(curve.x, low, high, color=curve_style(k)["color"], alpha=0.18, linewidth=0)
         _write_words(ax, parameter)
 
-    up = (_words(quantity), _unit(result, quantity))
-    return Chart((label, ""), up, curves, _limit_level(result, quantity), log=_log(result, parameter), draw_extra=bands)
+    y_axis = (_words(quantity), _unit(result, quantity))
+    return Chart(
+        (label, ""), y_axis, curves, _limit_level(result, quantity), log=_log(result, parameter), draw_extra=bands
+    )
 
 
 def _limit_level(result: StudyResult, quantity: str) -> list[Guide]:
@@ -307,11 +309,11 @@ def response_scatter(result: StudyResult, k: int, quantity: str) -> Chart:
         Curve("", along[which], values[which], {"linestyle": "none", "markersize": 4, **style})
         for which, style in kinds
     ]
-    up = (_words(quantity), scale_for(_unit(result, quantity), values))
+    y_axis = (_words(quantity), scale_for(_unit(result, quantity), values))
     levels = [level._replace(label="") for level in _limit_level(result, quantity)]
     return Chart(
         (label, ""),
-        up,
+        y_axis,
         curves,
         levels,
         log=_log(result, parameter),
@@ -399,15 +401,15 @@ def search_chart(result: StudyResult, objective: str) -> Chart:
     )
 
 
-def front_chart(result: StudyResult, across: str, up: str) -> Chart:
+def front_chart(result: StudyResult, x_objective: str, y_objective: str) -> Chart:
     """Two objectives of all designs that meet every limit, and the front of those that none is better than in both.
 
     Parameters
     ----------
     result : of a search for two objectives.
-    across, up : names of the objectives.
+    x_objective, y_objective : names of the objectives.
     """
-    x, y = (result["cases"]["objective_value"].sel(objective=name).values for name in (across, up))
+    x, y = (result["cases"]["objective_value"].sel(objective=name).values for name in (x_objective, y_objective))
     of_front = result["cases"]["front"].values
     front = np.flatnonzero(of_front)
     front = front[np.argsort(x[front])]
@@ -420,7 +422,7 @@ def front_chart(result: StudyResult, across: str, up: str) -> Chart:
             ("as it is", np.array([0]), {"linestyle": "none", "marker": "D", "markersize": 5, "color": RED}),
         )
     ]
-    return Chart(_axis_of(result, across), _axis_of(result, up), curves)
+    return Chart(_axis_of(result, x_objective), _axis_of(result, y_objective), curves)
 
 
 def _passing(result: StudyResult) -> Bools:
@@ -539,11 +541,11 @@ def _map(result: StudyResult, name: str, slice_index: tuple[int, ...], best_case
     axes = axes_of_grid(result)
     if len(axes) > 2 or not all(parameter.numeric for parameter in axes):
         return plot
-    across, up = ((parameter.label, parameter.unit) for parameter in axes)
+    x_axis, y_axis = ((parameter.label, parameter.unit) for parameter in axes)
     x, y = (parameter.values.astype(float) for parameter in axes)
     words = f"{quantity_of(name).replace('_', ' ')} {place_of(name)}".strip()
     return HeatMap(
-        across, up, (words, result.units[name]), x, y, result.deciding_values(name).reshape(result.shape).T, plot
+        x_axis, y_axis, (words, result.units[name]), x, y, result.deciding_values(name).reshape(result.shape).T, plot
     )
 
 

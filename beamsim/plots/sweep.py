@@ -52,14 +52,14 @@ _MARKS = {
 
 
 def _chart(
-    result: SweepResult, up: Axis, curves: Sequence[Curve], log: str = "y", direction: str = "", **options: Any
+    result: SweepResult, y_axis: Axis, curves: Sequence[Curve], log: str = "y", direction: str = "", **options: Any
 ) -> Chart:
     """Curves over the frequencies of the sweep.
 
     Parameters
     ----------
     result : with curves.
-    up, curves : as of `Chart`.
+    y_axis, curves : as of `Chart`.
     log : of the axis up; that of frequency is logarithmic where it is wide.
     direction : up or down, where the curves are of one.
     options : of `Chart`.
@@ -68,7 +68,7 @@ def _chart(
     -------
     From the lowest to the highest frequency of all curves of the sweep.
     """
-    chart = Chart((f"Excitation frequency{direction and f', {direction}'}", HERTZ), up, curves, log=log, **options)
+    chart = Chart((f"Excitation frequency{direction and f', {direction}'}", HERTZ), y_axis, curves, log=log, **options)
     return over_frequencies(chart, np.concatenate([curve.frequency_hz for curve in result.curves.values()]))
 
 
@@ -127,11 +127,11 @@ def responses(result: SweepResult, probe: str, level_index: int = 0) -> Chart:
         drawn.append(marks_curve(kind, peaks, color="0.2", **marks))
     offset = curves[0].offset(probe)
     offset_text = f"\nfrom equilibrium at {amount(offset, 'm')}" if offset else ""
-    up = (f"Peak displacement of {probe}{_level(result, curves[0])}{offset_text}", "m")
+    y_axis = (f"Peak displacement of {probe}{_level(result, curves[0])}{offset_text}", "m")
     whole = not offset  # which limits are of
     levels = limit_levels(result.scenario.limits, "peak_displacement", probe) if whole else []
     limits = _limits(curves[0], "displacement", "m", probe) if whole else []
-    return _chart(result, up, drawn, levels=levels, curve_noun="", marks=limits)
+    return _chart(result, y_axis, drawn, levels=levels, curve_noun="", marks=limits)
 
 
 def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
@@ -154,9 +154,9 @@ def peaks(result: SweepResult, value: Value, level_index: int) -> Chart:
         for name, peak in curve.cycles.by_label(f"peak_{value.quantity}").items()
         if peak.unit == value.unit
     ]
-    up = (f"{value.label.capitalize()}{_level(result, curves[0])}".replace(", ", "\nat "), value.unit)
+    y_axis = (f"{value.label.capitalize()}{_level(result, curves[0])}".replace(", ", "\nat "), value.unit)
     levels, marks = limit_levels(result.scenario.limits, value.limit), _limits(curves[0], value.quantity, value.unit)
-    return _chart(result, up, drawn, log="" if value.key == FORCE else "y", levels=levels, marks=marks)
+    return _chart(result, y_axis, drawn, log="" if value.key == FORCE else "y", levels=levels, marks=marks)
 
 
 def _limits(curve: SweepCurve, quantity: str, unit: str, name: str = "") -> list[Curve]:
@@ -186,8 +186,8 @@ def output_peaks(result: SweepResult, name: str) -> Chart:
     curves = list(result.curves.values())
     drawn = [_swept(f"{c.direction}{_level(result, c)}", c, c.channel("output", name).peak) for c in curves]
     levels = limit_levels(result.scenario.limits, OUTPUT.limit, name)
-    up = (f"Peak of {name}", curves[0].channel("output", name).unit)
-    return _chart(result, up, drawn, log="", levels=levels, y_ends=(0.0, None))
+    y_axis = (f"Peak of {name}", curves[0].channel("output", name).unit)
+    return _chart(result, y_axis, drawn, log="", levels=levels, y_ends=(0.0, None))
 
 
 def plot_waterfall(result: SweepResult, ax: Axes, probe: str, curve: SweepCurve) -> None:
@@ -284,8 +284,8 @@ def level_family(result: SweepResult, probe: str, direction: str) -> Chart:
         _swept(_level(result, curve, even_if_single=True)[2:], curve, ratio)
         for curve, ratio in zip(curves, ratios, strict=True)
     ]
-    up = (f"Peak displacement of {probe} / level", _per_level(curves, *ratios))
-    return _chart(result, up, drawn, direction=direction, curve_noun="levels")
+    y_axis = (f"Peak displacement of {probe} / level", _per_level(curves, *ratios))
+    return _chart(result, y_axis, drawn, direction=direction, curve_noun="levels")
 
 
 def harmonic_energy(result: SweepResult, probe: str, curve: SweepCurve) -> Chart:
@@ -297,9 +297,9 @@ def harmonic_energy(result: SweepResult, probe: str, curve: SweepCurve) -> Chart
         for order, square in zip(curve.orders, ratio**2, strict=False)
     ]
     level = _level(result, curve, even_if_single=True)[2:]
-    up = (f"Mean square of {probe}\n/ that of {level}, ({scale.unit})²", Scale(scale.factor**2, ""))
+    y_axis = (f"Mean square of {probe}\n/ that of {level}, ({scale.unit})²", Scale(scale.factor**2, ""))
     ends = (1e-8 * top, 3.0 * top) if 0.0 < top < np.inf else (None, None)
-    return _chart(result, up, drawn, direction=curve.direction, y_ends=ends)
+    return _chart(result, y_axis, drawn, direction=curve.direction, y_ends=ends)
 
 
 def _per_level(curves: list[SweepCurve], *ratios: Floats) -> Scale:
@@ -317,8 +317,8 @@ def contact(result: SweepResult, direction: str) -> Chart:
         for curve in _in_direction(result, direction)
         for name, share in curve.cycles.by_label("contact_share").items()
     ]
-    up = ("Time in contact", Scale(100.0, "%"))
-    return _chart(result, up, drawn, log="", direction=direction, y_ends=(-0.02, 1.02))
+    y_axis = ("Time in contact", Scale(100.0, "%"))
+    return _chart(result, y_axis, drawn, log="", direction=direction, y_ends=(-0.02, 1.02))
 
 
 def contact_levels(result: SweepResult) -> Chart:

@@ -60,7 +60,7 @@ def plot(chart: Chart) -> dict[str, Any]:
              "marker": {"color": colour, "size": 7}, "legendgroup": group, "showlegend": bool(curve.label),
              "hovertemplate": "%{x:.6~g}, %{y:.5~g}"}
         )  # fmt: skip
-    layout = _layout(with_unit(chart.across[0], x), with_unit(chart.up[0], y), chart.log)
+    layout = _layout(with_unit(chart.x_axis[0], x), with_unit(chart.y_axis[0], y), chart.log)
     for letter, scale, shown in (("x", x, chart.x_ends), ("y", y, chart.y_ends)):
         known = [end * scale.factor for end in shown if end is not None]
         if len(known) == 2 and all(math.isfinite(end) for end in known):
@@ -76,7 +76,7 @@ def plot(chart: Chart) -> dict[str, Any]:
 
 def heat_map(panel: HeatMap) -> dict[str, Any]:
     """Data and layout of a map for plotly, in a form that JSON can hold."""
-    axes = ((panel.across, panel.x), (panel.up, panel.y), (panel.z_axis, panel.values))
+    axes = ((panel.x_axis, panel.x), (panel.y_axis, panel.y), (panel.z_axis, panel.values))
     x, y, of = (_scale(axis, known) for axis, known in axes)
     labels = [with_unit(words, scale) for ((words, _), _), scale in zip(axes, (x, y, of), strict=True)]
     data = {
@@ -88,8 +88,8 @@ def heat_map(panel: HeatMap) -> dict[str, Any]:
     return {"data": [data], "layout": _layout(labels[0], labels[1], "")}
 
 
-def _scale(axis: Axis, known: Floats) -> Scale:
-    return axis[1] if isinstance(axis[1], Scale) else scale_for(axis[1], known)
+def _scale(axis: Axis, values: Floats) -> Scale:
+    return axis[1] if isinstance(axis[1], Scale) else scale_for(axis[1], values)
 
 
 def _layout(xlabel: str, ylabel: str, log: str) -> dict[str, Any]:

@@ -119,7 +119,7 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
     """Quantities whose maxima get a point: peak displacements of probes, and limited values of stable motions."""
 
     def largest_of(value: Value, columns: Ints) -> Callable[[MeasuredMotion], float]:
-        none, of = np.zeros(columns.size), not_none(value.of)
+        none, of = np.zeros(columns.size), not_none(value.from_extreme)
         return lambda m: float(of(np.array([m.low[columns], none, m.high[columns], none])).max())
 
     displacements, limits = channels.places[DISPLACEMENT], model.scenario.limits

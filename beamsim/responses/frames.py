@@ -27,16 +27,16 @@ class DrawnLine:
 
     body: str
     x: Floats  # (k,) in the body's coordinate
-    across: Floats | None  # (k,) m, y on a plate
+    y: Floats | None  # (k,) m, y on a plate
     continuous: bool
     stations: Ints | None = None  # (k,) where it is not finer than these
 
     @property
     def places(self) -> list[Place]:
         """Places of the points of the line."""
-        if self.across is None:
+        if self.y is None:
             return [Place(self.body, float(x)) for x in self.x]
-        return [Place(self.body, (float(x), float(y))) for x, y in zip(self.x, self.across, strict=True)]
+        return [Place(self.body, (float(x), float(y))) for x, y in zip(self.x, self.y, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -152,8 +152,8 @@ def _lines_of(stations: Stations, part: BodyStations, scenario: Scenario) -> lis
     bodies = list(scenario.all_bodies)
     name = part.body if part.body in bodies else bodies[0]  # one alone is called after its axis
     x = stations.position[part.stations]
-    if part.axis is ON_PLATE and stations.across is not None:
-        y = stations.across[part.stations]
+    if part.axis is ON_PLATE and stations.position_y is not None:
+        y = stations.position_y[part.stations]
         across, along = np.linspace(y.min(), y.max(), PLATE_LINES), np.linspace(x.min(), x.max(), PLATE_LINES)
         fine_x, fine_y = np.linspace(x.min(), x.max(), PLATE_POINTS), np.linspace(y.min(), y.max(), PLATE_POINTS)
         return [

@@ -25,7 +25,7 @@ Motion = TypeVar("Motion")  # what is measured of a point
 class ReportedMaximum(Generic[Motion]):
     """A number of a motion whose maximum along the branch is reported."""
 
-    of: Callable[[Motion], float]
+    measure: Callable[[Motion], float]
     stable_only: bool
 
 
@@ -35,7 +35,7 @@ class TargetPoint:
 
     quantity: str
     value: float  # as requested
-    of: Callable[[BranchPoint], float]
+    measure: Callable[[BranchPoint], float]
     parameter: float | None = None  # of the branch at the value, if the quantity is its parameter
 
     def on(self, step: BranchStep[Any]) -> BranchPoint | None:
@@ -45,7 +45,7 @@ class TargetPoint:
         """
         if self.parameter is not None:
             return step.at_parameter(self.parameter)
-        return step.locate(lambda p: self.of(p) / self.value - 1.0)
+        return step.locate(lambda p: self.measure(p) / self.value - 1.0)
 
 
 def cut(branch: OrbitBranch, low: float, high: float) -> list[OrbitBranch]:
@@ -113,9 +113,13 @@ def with_points_at(
         step = BranchStep(branch.problem, a, b, Settings(iterations=15))
         between: list[tuple[TargetPoint, BranchPoint]] = []
         for each in targets:
-            if abs(each.of(a) - each.value) < ROUND_OFF * abs(each.value):
+            if abs(each.measure(a) - each.value) < ROUND_OFF * abs(each.value):
                 passed.append((each, a))
-            elif b is not a and a.parameter not in gaps and (each.of(a) - each.value) * (each.of(b) - each.value) < 0:
+            elif (
+                b is not a
+                and a.parameter not in gaps
+                and (each.measure(a) - each.value) * (each.measure(b) - each.value) < 0
+            ):
                 point = each.on(step)
                 between += [] if point is None else [(each, point)]
         between.sort(key=lambda found: step.share(found[1]))
@@ -147,7 +151,7 @@ def with_maxima(
         if stop_requested():
             break
         values = [
-            quantity.of(m) if not quantity.stable_only or branch.problem.orbit(p).stable else -np.inf
+            quantity.measure(m) if not quantity.stable_only or branch.problem.orbit(p).stable else -np.inf
             for p, m in zip(points, measured, strict=True)
         ]
         k = int(np.argmax(values))
@@ -167,13 +171,13 @@ def _insert_maximum(
     """Locate the maximum within the two steps about point k by Brent's method, and add the point if it is higher."""
     from scipy.optimize import minimize_scalar
 
-    floor = q.of(motions[k])
+    floor = q.measure(motions[k])
     best: tuple[float, float, BranchPoint, Motion] | None = None
     heights = {0.0: floor}  # by share of the step before point k (negative) or after it
     for share, other in ((-1.0, k - 1), (1.0, k + 1)):
         if 0 <= other < len(points):
             stands = not q.stable_only or problem.orbit(points[other]).stable
-            heights[share] = q.of(motions[other]) if stands else 0.5 * floor
+            heights[share] = q.measure(motions[other]) if stands else 0.5 * floor
 
     def height_at(share: float) -> float:
         nonlocal best
@@ -184,7 +188,7 @@ def _insert_maximum(
                 heights[share] = 0.5 * floor
             else:
                 motion = measure([point])[0]
-                heights[share] = q.of(motion)
+                heights[share] = q.measure(motion)
                 if best is None or heights[share] > best[0]:
                     best = heights[share], share, point, motion
         return heights[share]

@@ -93,23 +93,23 @@ CLOSEST_TO_TEST = Entry(
     "the test there; nan where another contact changes first, which not_predicted says", form=by_name(CONTACT_CHANGE)
 )  # fmt: skip
 OF_MODES = (
-    Entry("open_frequencies_hz", section="modes", of="modes/open_frequencies_hz", shown="kept_modes"),
-    Entry("closed_frequencies_hz", section="modes", of="modes/closed_frequencies_hz", shown="kept_modes"),
-    Entry("resting_frequencies_hz", section="modes", of="modes/resting_frequencies_hz", shown="kept_modes"),
-    Entry("damping_ratios", section="modes", of="modes/damping_ratios", shown="kept_modes"),
-    Entry("closed_damping_ratios", section="modes", of="modes/closed_damping_ratios", shown="kept_modes"),
-    Entry("resting_damping_ratios", section="modes", of="modes/resting_damping_ratios", shown="kept_modes"),
+    Entry("open_frequencies_hz", section="modes", variable="modes/open_frequencies_hz", shown="kept_modes"),
+    Entry("closed_frequencies_hz", section="modes", variable="modes/closed_frequencies_hz", shown="kept_modes"),
+    Entry("resting_frequencies_hz", section="modes", variable="modes/resting_frequencies_hz", shown="kept_modes"),
+    Entry("damping_ratios", section="modes", variable="modes/damping_ratios", shown="kept_modes"),
+    Entry("closed_damping_ratios", section="modes", variable="modes/closed_damping_ratios", shown="kept_modes"),
+    Entry("resting_damping_ratios", section="modes", variable="modes/resting_damping_ratios", shown="kept_modes"),
     Entry(
         "dashpots",
         "",
         "by snubber its dashpot, and what that follows from",
         form=by_name(record({"from": Text}, dict.fromkeys(("dashpot_n_s_per_m", "dashpot_n_m_s_per_rad"), Number))),
     ),
-    Entry("kept_modes", section="modes", of="modes/kept_modes"),
-    Entry("static_vectors", section="modes", of="modes/static_vectors"),
-    Entry("reduction_bound", section="modes", of="modes/reduction_bound"),
-    Entry("probe_bound", section="modes", of="modes/probe_bound"),
-    Entry("highest_frequency_hz", section="modes", of="modes/highest_frequency_hz"),
+    Entry("kept_modes", section="modes", variable="modes/kept_modes"),
+    Entry("static_vectors", section="modes", variable="modes/static_vectors"),
+    Entry("reduction_bound", section="modes", variable="modes/reduction_bound"),
+    Entry("probe_bound", section="modes", variable="modes/probe_bound"),
+    Entry("highest_frequency_hz", section="modes", variable="modes/highest_frequency_hz"),
 )
 CONVERGENCE = (
     Entry("convergence", "1", "by value, and by its place where there are several, its relative error: 9/8 of its "

@@ -114,7 +114,7 @@ class Value(NamedTuple):
     entry: str  # in summaries, with its unit; empty where only studies have it
     section: str
     quantity: str  # empty: any
-    of: Callable[[Extreme], Floats] | None  # None: no extreme
+    from_extreme: Callable[[Extreme], Floats] | None  # None: no extreme
     unit: str  # SI
     meaning: str
     label: str = ""  # of its row in a printed table
@@ -125,17 +125,21 @@ class Value(NamedTuple):
 
     def of_channels(self, channels: Sequence[Channel], extreme: Extreme) -> Floats:
         """Its values from the extremes of channels, of which each that acts in both directions counts in both."""
-        return not_none(self.of)(by_magnitude(channels, extreme))
+        return not_none(self.from_extreme)(by_magnitude(channels, extreme))
 
     def is_extreme_of(self, channel: Channel) -> bool:
         """Whether it is an extreme of a channel: of its section, quantity and unit."""
-        if self.of is None or channel.section != self.section or self.quantity not in ("", channel.quantity):
+        if self.from_extreme is None or channel.section != self.section or self.quantity not in ("", channel.quantity):
             return False
         return self.unit in ("", channel.unit)
 
     def on_peak_of(self, signal: Mapping[str, Any]) -> bool:
         """Whether it is the peak of a signal, which has a section, a quantity and a unit."""
-        if self.of is None or signal["section"] != self.section or self.quantity not in ("", signal["quantity"]):
+        if (
+            self.from_extreme is None
+            or signal["section"] != self.section
+            or self.quantity not in ("", signal["quantity"])
+        ):
             return False
         return self.unit in ("", signal["unit"])
 
@@ -247,7 +251,7 @@ LIMITED = {value.limit: value for value in VALUES if value.limit}
 MAIN_ENTRIES = frozenset(
     value.entry
     for value in VALUES
-    if value.of is not None and value.section in ("probes", "snubbers", "springs", "friction", "outputs")
+    if value.from_extreme is not None and value.section in ("probes", "snubbers", "springs", "friction", "outputs")
 ) | {"frequency_hz", "peak_frequency_hz"}  # of modes and of peaks, which analyses of frequencies are asked for
 """Entries of displacements, accelerations, forces and outputs."""
 NATURAL_FREQUENCIES = ("open_frequencies_hz", "closed_frequencies_hz")
@@ -302,7 +306,7 @@ def peaks_in(points: Dataset) -> Iterator[tuple[Value, dict[str, Floats]]]:
         else:
             followed = points.by_label(f"peak_{value.quantity}")
             of = {name: peak.values for name, peak in followed.items() if peak.unit == value.unit}
-        if of and (value.of is not None or value is RESPONSE):
+        if of and (value.from_extreme is not None or value is RESPONSE):
             yield value, of
 
 
@@ -352,7 +356,7 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for value in VALUES:
-        if value.of is None:
+        if value.from_extreme is None:
             continue
         some = [c for c in channels.channels if value.is_extreme_of(c) and c.key in extremes]
         alike = {key: channels.of_keys(key).channels for key in {c.key for c in some}}

@@ -72,7 +72,7 @@ def stored_study(
     """
     begin = saved = clock.monotonic()
 
-    def each(outcome: CaseOutcome) -> None:
+    def add_to_journal(outcome: CaseOutcome) -> None:
         nonlocal saved
         journal.add(outcome)
         if clock.monotonic() - saved > SAVED_EVERY_S:
@@ -85,7 +85,8 @@ def stored_study(
 
     try:
         result = design_study(
-            plan, workers=workers, scheduler=scheduler, known=journal.solved, each=each, progress=progress
+            plan, workers=workers, scheduler=scheduler, solved_before=journal.solved, on_outcome=add_to_journal,
+            progress=progress,
         )  # fmt: skip
     except BaseException:
         if journal.added:

@@ -128,7 +128,7 @@ def _heights(stations: Stations) -> dict[str, float]:
 
 def _placed(stations: Stations, heights: dict[str, float]) -> Floats:
     """(nx, 3) coordinates of the stations of the modes, m; NaN for nodes of imported bodies that have none."""
-    y = np.zeros(stations.position.size) if stations.across is None else np.nan_to_num(stations.across)
+    y = np.zeros(stations.position.size) if stations.position_y is None else np.nan_to_num(stations.position_y)
     placed = np.stack([stations.position, y, np.zeros(y.size)], axis=1)
     for part in stations.bodies:
         if part.axis is NODES:

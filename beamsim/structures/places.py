@@ -156,7 +156,7 @@ class Place:
         return self.point[0] if isinstance(self.point, tuple) else self.point
 
     @property
-    def across(self) -> float | None:
+    def position_y(self) -> float | None:
         """y on a plate."""
         return self.point[1] if isinstance(self.point, tuple) else None
 
@@ -179,9 +179,9 @@ class Link:
         return 0.5 * (self.first.coordinate + self.second.coordinate)
 
     @property
-    def across(self) -> float | None:
+    def position_y(self) -> float | None:
         """y of the midpoint, between points of plates."""
-        y = [place.across for place in (self.first, self.second) if place.across is not None]
+        y = [place.position_y for place in (self.first, self.second) if place.position_y is not None]
         return sum(y) / 2 if len(y) == 2 else None
 
 
@@ -294,7 +294,7 @@ class Stations:
 
     bodies: tuple[BodyStations, ...]  # the bodies
     position: Floats  # (nx,) on the axis of each body
-    across: Floats | None = None  # (nx,) m, y on a plate, NaN on other bodies; None without plates
+    position_y: Floats | None = None  # (nx,) m, y on a plate, NaN on other bodies; None without plates
     points: Floats | None = None  # (nx, 3) m, of nodes of imported bodies, NaN if unknown; None without
     lines: Ints | None = None  # (k, 2) stations to be connected by lines: nodes of the same element
 
@@ -307,7 +307,7 @@ class Stations:
         return cls(
             tuple(BodyStations(each.body, each.axis, slice(start, end)) for each, start, end in parts),
             np.concatenate([np.zeros(0), *(each.position for each in bodies)]),
-            _join_values([each.across for each in bodies], bodies, ()),
+            _join_values([each.position_y for each in bodies], bodies, ()),
             _join_values([each.points for each in bodies], bodies, (3,)),
             np.concatenate(known) if known else None,
         )
@@ -319,7 +319,7 @@ class Stations:
         sizes = np.bincount(modes["station_body"].values, minlength=len(bodies)) if bodies else np.zeros(0, dtype=int)
         ends = np.cumsum([0, *sizes]).tolist()
         named = zip(bodies, modes["body_axis"].values if bodies else (), ends[:-1], ends[1:], strict=True)
-        across, points, lines = (modes[of].values if of in modes else None for of in ("across", "points", "lines"))
+        across, points, lines = (modes[of].values if of in modes else None for of in ("position_y", "points", "lines"))
         return cls(
             tuple(BodyStations(body, AXES[axis], slice(start, end)) for body, axis, start, end in named),
             modes["position"].values, across, points, lines,
@@ -334,7 +334,7 @@ class Stations:
             "station": 1 + np.arange(self.position.size),
             "station_body": np.repeat(np.arange(len(self.bodies)), sizes),
             "position": self.position,
-            "across": self.across,
+            "position_y": self.position_y,
         }
         if self.points is not None:
             columns |= {"direction": TRANSLATIONS, "points": self.points}
@@ -354,7 +354,7 @@ class Stations:
     def name(self, station: int) -> str:
         """Text for messages: 135 mm, (135, 60) mm, mass 2; with several bodies inner 135 mm."""
         part = next(part for part in self.bodies if part.stations.start <= station < part.stations.stop)
-        x, y = self.position[station], np.nan if self.across is None else self.across[station]
+        x, y = self.position[station], np.nan if self.position_y is None else self.position_y[station]
         if np.isfinite(y):
             name = f"({1e3 * x:.3g}, {1e3 * y:.3g}) mm"
         else:
@@ -393,7 +393,7 @@ class Recovery:
     strains_per_moments: Floats | None = None
     # (moments nx,) base_moment per m/s^2 of base acceleration: static contribution of the omitted modes
     base_moment: Floats | None = None
-    across: Floats | None = None  # (nx,) m, y on a plate
+    position_y: Floats | None = None  # (nx,) m, y on a plate
     points: Floats | None = None  # (nx, 3) m, of nodes with coordinates; NaN if unknown
     lines: Ints | None = None  # (k, 2) stations whose nodes belong to the same element
     moments: int = 1  # moments per station
@@ -402,9 +402,9 @@ class Recovery:
     @property
     def places(self) -> list[Place]:
         """The stations as places."""
-        if self.across is None:
+        if self.position_y is None:
             return [Place(self.body, float(x), self.direction) for x in self.position]
-        return [Place(self.body, (float(x), float(y))) for x, y in zip(self.position, self.across, strict=True)]
+        return [Place(self.body, (float(x), float(y))) for x, y in zip(self.position, self.position_y, strict=True)]
 
     def moment_weights(self, x: float, y: float | None, component: str) -> Floats:
         """(moments nx,) weights of moments at a point: 1 at a beam's station, linear between the nodes of a plate.
@@ -419,9 +419,9 @@ class Recovery:
         (moments nx,) array
             The moment at the point is the sum of the moments times these weights.
         """
-        if self.across is None or y is None:
+        if self.position_y is None or y is None:
             return np.asarray(np.arange(self.position.size) == np.abs(self.position - x).argmin(), dtype=float)
-        along = _linear(self.position, x) * _linear(self.across, y)
+        along = _linear(self.position, x) * _linear(self.position_y, y)
         return np.concatenate([along if each == component else np.zeros(along.size) for each in COMPONENTS])
 
     def strain_weights(self, x: float, y: float | None, component: str) -> Floats:
@@ -481,6 +481,6 @@ def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
 
 def _station_of_each_moment(plate: Recovery) -> Recovery:
     """A copy in which each station is repeated for each of its moments."""
-    assert plate.across is not None
-    position, across = np.tile(plate.position, plate.moments), np.tile(plate.across, plate.moments)
-    return replace(plate, position=position, across=across, moments=1)
+    assert plate.position_y is not None
+    position, across = np.tile(plate.position, plate.moments), np.tile(plate.position_y, plate.moments)
+    return replace(plate, position=position, position_y=across, moments=1)

@@ -140,7 +140,7 @@ class PlateStructure(MeshedBody):
             body=self.name,
             axis=ON_PLATE,
             position=points[:, 0],
-            across=points[:, 1],
+            position_y=points[:, 1],
             deflection=(self.all_dofs_map @ (member.expansion @ basis.vectors))[self.mesh.deflections] * scale,
             bending_moment=moment * scale,
             stress_per_moment=None if per_moment is None else np.full(moment.shape[0], per_moment),
@@ -192,15 +192,15 @@ class PlateStructure(MeshedBody):
 
     def point_of(self, place: Place) -> Floats | None:
         """(3,) x and y from the left and bottom edges, m."""
-        return None if place.across is None else np.array([place.coordinate, place.across, 0.0])
+        return None if place.position_y is None else np.array([place.coordinate, place.position_y, 0.0])
 
     def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(all dofs,) deflection at a place, or load vector."""
         if isinstance(place, LoadedRegion):
             return self.load_vector(place)
-        if place.direction != DEFLECTION or place.across is None:
+        if place.direction != DEFLECTION or place.position_y is None:
             raise ValueError(f"the points [x, y] of a plate have no motion {place.direction}; it has {DEFLECTION}")
-        point = np.array([[place.coordinate, place.across]]) / self.extent
+        point = np.array([[place.coordinate, place.position_y]]) / self.extent
         return np.asarray(self.mesh.rows(point).toarray()[0])
 
     def rigid_motion(self, motion: BaseDirection) -> Floats:

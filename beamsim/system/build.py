@@ -143,7 +143,7 @@ def _signal_of(
     folder = scenario.folder_of(*path, *_FILE_KEYS.get(excitation.kind, ("file",)))
     with prefix_problems("excitation", path_text(path)):
         key = (excitation, duration, folder)
-        made: Any = model.shared.once("signal", key, lambda: build_signal(excitation, duration, folder))
+        made: Any = model.builds.once("signal", key, lambda: build_signal(excitation, duration, folder))
     accounts.append((path_text(path), made.account))
     return made
 
@@ -169,14 +169,14 @@ def _influence_of_mountings(model: ReducedModel, static_loads: _StaticLoads, sig
 
 
 def build_system(
-    scenario: Scenario, shared: SharedBuilds | None = None, *, with_stations: bool = True
+    scenario: Scenario, builds: SharedBuilds | None = None, *, with_stations: bool = True
 ) -> StructuralSystem:
     """Assemble, reduce and resolve a scenario.
 
     Parameters
     ----------
     scenario : a valid scenario.
-    shared : cache of parts built for other scenarios with the same structure, reduction or excitation.
+    builds : cache of parts built for other scenarios with the same structure, reduction or excitation.
     with_stations : whether to compute deflections and stresses along the bodies; without them there are no stations.
 
     Returns
@@ -192,7 +192,7 @@ def build_system(
     """
     with scenario.locating():
         try:
-            return _build(*_model_with_contacts(scenario, shared=shared), with_stations)
+            return _build(*_model_with_contacts(scenario, builds=builds), with_stations)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise ScenarioError(_out_of_range(scenario, error)) from None
 
@@ -284,10 +284,10 @@ _LEAST_FALL = 0.7
 
 
 def _model_with_contacts(
-    scenario: Scenario, extra_places: Sequence[Place] = (), shared: SharedBuilds | None = None
+    scenario: Scenario, extra_places: Sequence[Place] = (), builds: SharedBuilds | None = None
 ) -> tuple[ReducedModel, _StaticLoads]:
     """The reduced model and its contacts; by default with more modes as long as the contacts need them."""
-    model = build_reduced_model(scenario, extra_places, shared)
+    model = build_reduced_model(scenario, extra_places, builds)
     pushing, before = _build_static_loads(model), math.inf
     found = model, pushing
     while model.default_reduction:
@@ -300,7 +300,7 @@ def _model_with_contacts(
         found, before = (model, pushing), beyond
         if beyond <= _STIFFNESS_BEYOND_MODES:
             break
-        model = build_reduced_model(scenario, extra_places, model.shared, 2.0 * model.highest_hz)
+        model = build_reduced_model(scenario, extra_places, model.builds, 2.0 * model.highest_hz)
         pushing = _build_static_loads(model)
     return found
 
@@ -495,7 +495,7 @@ def _describe_probes(model: ReducedModel) -> tuple[ProbeRow, ...]:
     sites = model.probe_sites
     of_probes = model.scenario.effective_probes, sites, model.shapes(sites), model.base_participations(sites).tolist()
     return tuple(
-        ProbeRow(probe.name, site.coordinate, site.across, shape, lever)
+        ProbeRow(probe.name, site.coordinate, site.position_y, shape, lever)
         for probe, site, shape, lever in zip(*of_probes, strict=True)
     )
 
@@ -550,7 +550,7 @@ def _describe_snubbers(
         stiffness = contacts.laws[i].stiffness
         described.append(
             SnubberInfo(
-                gap_unit=s.units[0], name=s.name, position=site.coordinate, across=site.across, side=resists(s),
+                gap_unit=s.units[0], name=s.name, position=site.coordinate, position_y=site.position_y, side=resists(s),
                 stiffness=stiffness, dashpot=contacts.laws[i].dashpot, gap=float(contacts.gap[i]),
                 preload=float(equilibrium.force[i]),
                 blocked_force=float(contacts.laws[i].static_force(np.maximum(-contacts.gap[i], 0.0))),

@@ -150,7 +150,7 @@ class _OutputContext:
 
     def _bending(self, output: Any, place: Place) -> Channel:
         recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)
-        at = place.coordinate, place.across, output.component or "x"
+        at = place.coordinate, place.position_y, output.component or "x"
         weights = recovery.strain_weights(*at) if output.kind == "strain" else recovery.moment_weights(*at)
         if output.kind == "stress":
             assert recovery.stress_per_moment is not None  # the scenario ensures this

@@ -259,7 +259,7 @@ class ReducedModel:
     scenario: Scenario
     structure: Structure
     basis: ReducedBasis
-    shared: SharedBuilds
+    builds: SharedBuilds
     acting_loads: ActingLoads
     moving_supports: tuple[MovingSupport, ...] = ()  # moving supports
     default_reduction: bool = False  # whether the scenario leaves the number of modes to the program
@@ -301,12 +301,12 @@ class ReducedModel:
     def shapes(self, sites: Sequence[LoadSite]) -> Floats:
         """(m, n) deflection (for links the extension) at sites for a unit of each coordinate, 1/sqrt(kg)."""
         key, scale = (self.basis, tuple(sites)), np.sqrt(self.structure.mass_scale)
-        return self.shared.once("shapes", key, lambda: self.structure.rows(sites) @ self.basis.vectors / scale)
+        return self.builds.once("shapes", key, lambda: self.structure.rows(sites) @ self.basis.vectors / scale)
 
     def recoveries(self, sites: Sequence[LoadSite]) -> tuple[Recovery, ...]:
         """Quantities that can be recovered along each body, with stations at the sites; independent of damping."""
         key, recovered = (self.basis, tuple(sites), self.base), self.structure.recoveries
-        return self.shared.once("recoveries", key, lambda: recovered(self.basis, sites, self.base))
+        return self.builds.once("recoveries", key, lambda: recovered(self.basis, sites, self.base))
 
     def base_participations(self, sites: Sequence[Site]) -> Floats:
         """(k,) motion of places for a unit motion of the base; 1 for links, and if the base is at rest."""
@@ -345,7 +345,7 @@ class ReducedModel:
 
 
 def build_reduced_model(
-    scenario: Scenario, extra_places: Sequence[Place] = (), shared: SharedBuilds | None = None, least_hz: float = 0.0
+    scenario: Scenario, extra_places: Sequence[Place] = (), builds: SharedBuilds | None = None, least_hz: float = 0.0
 ) -> ReducedModel:
     """Assemble and reduce the structure of a scenario, with static vectors at additional places.
 
@@ -353,7 +353,7 @@ def build_reduced_model(
     ----------
     scenario : a valid scenario.
     extra_places : the additional places.
-    shared : cache of parts built for other scenarios with the same structure.
+    builds : cache of parts built for other scenarios with the same structure.
     least_hz : frequency up to which the default number of modes is at least valid.
 
     Returns
@@ -365,13 +365,13 @@ def build_reduced_model(
     ScenarioError
         If imported matrices lack a required direction.
     """
-    shared = SharedBuilds() if shared is None else shared
+    builds = SharedBuilds() if builds is None else builds
     bodies, acting = tuple(scenario.all_bodies.items()), ActingLoads.of(scenario)
     driven = tuple((path, each.applied_to) for path, each in acting.supports)
     contacts = [snubber_site(each) for each in (*scenario.located_snubbers, *scenario.nonlinear_springs)]
     # a place in an element next to a moving support would move with the support
     nodes = (*_sensor_places(scenario, contacts), *extra_places) if driven else ()
-    structure = shared.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
+    structure = builds.once("structure", (bodies, scenario.joined_by, nodes), lambda: assemble(scenario, nodes=nodes))
     moving = moving_supports(scenario, structure) if driven else []
     if any(body.is_read_from_files for _, body in bodies):
         _check_directions(scenario, structure)
@@ -382,10 +382,10 @@ def build_reduced_model(
     # the coordinates are those of the undamped structure
     undamped = tuple((name, body.model_copy(update={"damping": None})) for name, body in bodies)
     key = (undamped, scenario.joined_by, nodes, tuple(sites), gravity, driven, tuple(asked.items()))
-    basis = shared.once(
+    basis = builds.once(
         "reduction", key, lambda: reduce_model(structure, _patterns(structure, sites, gravity, moving), **asked)
     )
-    return ReducedModel(scenario, structure, basis, shared, acting, tuple(moving), "default_reduction" in asked)
+    return ReducedModel(scenario, structure, basis, builds, acting, tuple(moving), "default_reduction" in asked)
 
 
 def _patterns(

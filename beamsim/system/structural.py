@@ -64,7 +64,7 @@ class ProbeRow:
 
     name: str
     position: float  # m along the beam, x on a plate; the mass number for a chain
-    across: float | None  # m, y on a plate
+    position_y: float | None  # m, y on a plate
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
     base_influence: float = 1.0  # absolute motion for a unit motion of the base
 
@@ -109,7 +109,7 @@ class SnubberInfo(SnubberNumbers):
     """One snubber of a model."""
 
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
-    across: float | None = None  # m, y on a plate
+    position_y: float | None = None  # m, y on a plate
     table_misfit: float | None = None  # N, root mean square residual of a fitted force-deflection curve
 
 
@@ -180,7 +180,7 @@ MODES = Layout(
         "station": Variable(_STATION, "1", "number of the station", int),
         "station_body": Variable(_STATION, "1", "number of the body, from 0", int, names="modes/body"),
         "position": Variable(_STATION, "{position_unit}", "{position}"),
-        "across": Variable(
+        "position_y": Variable(
             _STATION, "m", "position on the plate from its bottom edge; NaN on other bodies", optional=True
         ),
         "direction": Variable(("direction",), "1", "coordinate of the place", str),

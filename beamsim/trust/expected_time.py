@@ -42,7 +42,7 @@ def expected_time(scenario: Scenario) -> float | None:
         short = settings.model_copy(update={"duration": duration, "sample_rate": rate, "spectrum": SpectrumSettings()})
         piece = scenario.model_copy(update={"excitation": sweep.model_copy(update={"from_": mean}), "run": short})
         begin = processor_time()
-        run(piece, shared=shared)
+        run(piece, builds=shared)
         taken.append(processor_time() - begin)
     of_second = (taken[1] - taken[0]) / ((LONGER - 1.0) * first)
     return taken[0] + of_second * (settings.duration - first)

@@ -169,7 +169,7 @@ class Model:
 
 def run(
     scenario: Source, progress: Progress = None, stop: Stop = never, *, entries: Collection[str] | None = None,
-    shared: SharedBuilds | None = None,
+    builds: SharedBuilds | None = None,
 ) -> RunResult:  # fmt: skip
     """Simulate a scenario, and compare its values with those of a finer model unless ``run.convergence: off``.
 
@@ -181,7 +181,7 @@ def run(
         result then holds the motion up to there with its peaks, energies and histories, and names what is left out.
     entries : of the summary that are needed, by default all. Without a comparison nothing else is computed, and
         histories, spectra and shapes are empty; outcome, warnings and margins are the same.
-    shared : keeps matrices that runs of other cases have in common with this one.
+    builds : keeps matrices that runs of other cases have in common with this one.
 
     Returns
     -------
@@ -201,10 +201,10 @@ def run(
     (('probe', 'time'), 36.14)
     """
     scenario = scenario_of(scenario, "run")
-    begin, shared = clock.perf_counter(), shared or SharedBuilds()
+    begin, builds = clock.perf_counter(), builds or SharedBuilds()
     alone = scenario.run is not None and scenario.run.convergence == "off"
     share = 1.0 if alone else TIME_SHARES[scenario.excitation.stationary].own_model
-    solution = solve_run(scenario, part_of(progress, 0.0, share), stop, shared, entries if alone else None)
+    solution = solve_run(scenario, part_of(progress, 0.0, share), stop, builds, entries if alone else None)
     report_progress(progress, share)
     if alone:
         return with_convergence(solution.result, Convergence(reason=NOT_ASKED))
@@ -215,7 +215,7 @@ def run(
     checked: Convergence | None = None
     with suppress(Interrupted), stop_requests(stop, at_once=True):
         check_stop()
-        checked = compare(solution, shared, part_of(progress, share, 1.0))
+        checked = compare(solution, builds, part_of(progress, share, 1.0))
     report_progress(progress, 1.0)
     if checked is None:
         result = result.interrupted(COMPARISON)
@@ -230,13 +230,13 @@ def run(
     return replace(result, wall_time_s=clock.perf_counter() - begin)
 
 
-def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress = None) -> Convergence:
+def convergence_of(solution: Solution, builds: SharedBuilds, progress: Progress = None) -> Convergence:
     """The errors of a run's values, from a finer model.
 
     Parameters
     ----------
     solution : the run.
-    shared : matrices of its system, which a finer model may share.
+    builds : matrices of its system, which a finer model may share.
     progress : called from time to time with the fraction that is about done.
 
     Returns
@@ -257,7 +257,7 @@ def convergence_of(solution: Solution, shared: SharedBuilds, progress: Progress 
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
         try:
             case = scenario.refine(finer_modes(first.motion.system.modes))
-            motion = motion_of(build_system(case, shared), again, output_times(case), progress, never, MOTION_ALONE)
+            motion = motion_of(build_system(case, builds), again, output_times(case), progress, never, MOTION_ALONE)
         except ScenarioError as error:
             checked = Convergence(reason="; ".join(problem.message for problem in error.problems))
         else:
@@ -364,7 +364,7 @@ def _with_disturbance(convergence: Convergence, first: Model, derived: DerivedVa
     return replace(convergence, diverged_s=times.small_change_s, after_divergence=after, sensitivity=times)
 
 
-def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress) -> Convergence:
+def _of_first_part(solution: Solution, builds: SharedBuilds, progress: Progress) -> Convergence:
     """The errors of a motion that does not fit into the memory, from its first part.
 
     A disturbance is followed over the whole motion. If the contact sequences diverge, all values depend on the long
@@ -372,7 +372,7 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress)
 
     Parameters
     ----------
-    solution, shared, progress : as of `convergence_of`.
+    solution, builds, progress : as of `convergence_of`.
     """
     scenario, compared_s = solution.result.scenario, not_none(solution.motion.compared_s)
     settings = not_none(scenario.run)
@@ -382,12 +382,12 @@ def _of_first_part(solution: Solution, shared: SharedBuilds, progress: Progress)
     shorter = settings.model_copy(update={"duration": compared_s})
     share = TIME_SHARES[scenario.excitation.stationary].own_model
     shorter_scenario = scenario.model_copy(update={"excitation": same, "run": shorter})
-    part = solve_run(shorter_scenario, part_of(progress, 0.0, share), never, shared)
+    part = solve_run(shorter_scenario, part_of(progress, 0.0, share), never, builds)
     if not part.motion.outcome.complete:
         return Convergence(reason=part.motion.outcome.text)
     datasets = {name: of for name, of in part.result.datasets.items() if name not in ("random", "srs")}
     part = part._replace(result=replace(part.result, datasets=datasets))
-    checked = convergence_of(part, shared, part_of(progress, share, 1.0))
+    checked = convergence_of(part, builds, part_of(progress, share, 1.0))
     checked = replace(checked, compared_s=compared_s, lines=None)
     whole, times = Model(solution.motion), checked.sensitivity
     if not times.sensitive:

@@ -51,7 +51,7 @@ from beamsim.typing import not_none
 
 
 def solve_case(
-    scenario: Scenario, analysis: str, *, entries: Collection[str] | None = None, shared: SharedBuilds | None = None
+    scenario: Scenario, analysis: str, *, entries: Collection[str] | None = None, builds: SharedBuilds | None = None
 ) -> RunResult | SweepResult | ContinuationResult:  # fmt: skip
     """Solve a case and judge it, as `beamsim run` and `beamsim sweep` do.
 
@@ -60,7 +60,7 @@ def solve_case(
     scenario : of the case.
     analysis : one of `beamsim.analyses.studies.plan.ANALYSES`.
     entries : of the summary of a run that are needed, by default all; outcome, warnings and margins are the same.
-    shared : keeps what cases have in common.
+    builds : keeps what cases have in common.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def solve_case(
     with allowing_hours(math.inf):  # the time of the whole study was checked before
         if analysis == "run":
             around = copy_context()  # requests to stop that were made outside the run
-            return run(scenario, stop=lambda: around.run(stop_requested), entries=entries, shared=shared)
+            return run(scenario, stop=lambda: around.run(stop_requested), entries=entries, builds=builds)
         return (continuation if analysis == "continuation" else sweep)(scenario)
 
 
@@ -83,7 +83,7 @@ class CaseSolver:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        self.shared = SharedBuilds()
+        self.builds = SharedBuilds()
 
     def __call__(self, case: Case) -> CaseOutcome:
         """Solve one case, unless a stop is requested; an error becomes the outcome of the case, so that others
@@ -99,7 +99,7 @@ class CaseSolver:
         """Responses, outcome, margins and warnings of a case."""
         scenario, asked, analysis = self.study.scenario(case), self.study.requested, self.study.analysis
         entries = entries_of(asked, scenario) if analysis == "run" else None
-        result = solve_case(scenario, analysis, entries=entries, shared=self.shared)
+        result = solve_case(scenario, analysis, entries=entries, builds=self.builds)
         values = {} if result.outcome.ended_early else responses_of_result(result)
         if asked:
             values = {name: x for name, x in values.items() if any(matches_request(each, name) for each in asked)}
@@ -122,8 +122,8 @@ def design_study(
     *,
     workers: int | None = 1,
     scheduler: str | Cluster | None = None,
-    known: Iterable[CaseOutcome] = (),
-    each: Callable[[CaseOutcome], None] | None = None,
+    solved_before: Iterable[CaseOutcome] = (),
+    on_outcome: Callable[[CaseOutcome], None] | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Stop = never,
 ) -> StudyResult:
@@ -142,8 +142,8 @@ def design_study(
         script that calls, so that its call stands below ``if __name__ == "__main__":``. None: one for each processor,
         if the first cases show that it is worth while to start them.
     scheduler : Dask scheduler whose workers are used instead: its address, or with how long to wait for workers.
-    known : outcomes of an earlier, unfinished study.
-    each : called with every new outcome, in the order of completion.
+    solved_before : outcomes of an earlier, unfinished study.
+    on_outcome : called with every new outcome, in the order of completion.
     progress : called with the fraction of cases done; of a study of reliability, after each batch, with an estimate.
     stop : asked between cases, and within those of runs and swept sines, whether to end; the result then holds the
         cases that were solved.
@@ -158,7 +158,7 @@ def design_study(
     ScenarioError
         If the scenario of a case is invalid, or there are fewer workers than one.
     NotTrustedError
-        If the connection to the cluster is lost, or it has no workers; `each` has been called for all solved cases.
+        If the connection to the cluster is lost, or it has no workers; `on_outcome` was called for all solved cases.
     TooLongError
         If its cases would take longer than `beamsim.allowing_hours` allows.
 
@@ -177,16 +177,16 @@ def design_study(
     else:
         plan = plan_designs(scenario_of(scenario, "sweep"))
         check_cases(plan)
-    known, total = tuple(known), plan.most_cases * plan.study.realisations.count
-    solved_before = len({outcome.index for outcome in known})
-    least_time_of_study(plan, solved_before).demand_allowed(most_processors(workers, scheduler))
+    solved_before, total = tuple(solved_before), plan.most_cases * plan.study.realisations.count
+    cases_before = len({outcome.index for outcome in solved_before})
+    least_time_of_study(plan, cases_before).demand_allowed(most_processors(workers, scheduler))
     # the number of cases of a study of reliability follows from the solved ones
     of_cases = None if plan.kind == "reliability" else progress
-    report_progress(of_cases, solved_before / total)
+    report_progress(of_cases, cases_before / total)
 
     def solved(outcome: CaseOutcome) -> None:
-        if each is not None:
-            each(outcome)
+        if on_outcome is not None:
+            on_outcome(outcome)
         report_progress(of_cases, min(1.0, len(evaluate.outcomes) / total))
 
     computation = Computation(partial(CaseSolver, plan.study), failed_case)
@@ -194,7 +194,7 @@ def design_study(
         with Evaluator(
             worker_pool(computation, total, workers=workers, scheduler=scheduler), most_cases=plan.most_cases,
             realisations=plan.study.realisations.count, with_finer_model=plan.convergence == "on",
-            solved_before=known, each=solved,
+            solved_before=solved_before, on_outcome=solved,
             most_further=plan.study.realisations.most_further_cases,
         ) as evaluate:  # fmt: skip
             worst = WorstSearch(plan, evaluate, partial(_changes_within, plan))

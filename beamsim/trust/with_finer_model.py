@@ -107,8 +107,8 @@ def sweep(
 
     asked = scenario.sweep is not None and scenario.sweep.convergence != "off"
 
-    def first(done: Progress) -> SweepResult:
-        result = compute(scenario, done, save=save, resume=resume)
+    def first(progress_of_part: Progress) -> SweepResult:
+        result = compute(scenario, progress_of_part, save=save, resume=resume)
         if save is not None and asked and not result.outcome.cut_short:
             save(result)
         return result

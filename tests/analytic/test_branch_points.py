@@ -165,7 +165,7 @@ def test_a_first_motion_is_found_although_newtons_method_wanders(pytestconfig):
     case = load_scenario(config_path("continuation_level"), path)
     flow = response_model(case).problem(4 * 9.80665).flow
     found = find_orbit(ForcedOrbits(flow, "level"))
-    assert flow.passages <= 35  # 3 of them parts of the transient; 25 iterations of each attempt took 65
+    assert flow.motions_computed <= 35  # 3 of them parts of the transient; 25 iterations of each attempt took 65
     state = np.zeros(flow.size)
     for _ in range(150):
         state = flow.end(state, found.data.duration)

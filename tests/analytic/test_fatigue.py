@@ -146,7 +146,7 @@ def test_damage_is_counted_at_every_point_of_a_plate():
     )
     worst, body = int(counted.argmax()), result.summary["fatigue"]["panel"]
     assert body["damage"] == pytest.approx(counted[worst], rel=1e-3)
-    assert (body["position"], body["across"], body["component"]) == (
+    assert (body["position"], body["position_y"], body["component"]) == (
         pytest.approx(at[worst][0]), pytest.approx(at[worst][1]), at[worst][2]
     )  # fmt: skip
 

@@ -39,7 +39,7 @@ def test_a_bouncing_mass_in_closed_form(dashpot):
     zeta = dashpot / (2.0 * MASS * omega)
     damped = omega * np.sqrt(1.0 - zeta**2)
     restitution = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
-    whole = ~impacts["cut"].values
+    whole = ~impacts["incomplete"].values
     n = np.arange(impacts["begin"].values.size)
     speed = SPEED * restitution**n
     period = np.pi / damped + np.pi / np.sqrt(SPRING / MASS)
@@ -171,10 +171,10 @@ def test_a_run_that_begins_and_ends_in_contact():
     start = {"displacement": [-0.01], "velocity": [0.0]}
     result = beamsim.run(thrown(duration=0.02, start=start))
     impacts = result["impacts"]
-    assert impacts["cut"].values.tolist() == [True]
+    assert impacts["incomplete"].values.tolist() == [True]
     assert np.isnan(impacts["approach_speed"].values[0])
     assert np.isnan(impacts["restitution"].values[0])
-    assert result.summary["impacts"]["stop"]["cut"] == 1
+    assert result.summary["impacts"]["stop"]["incomplete"] == 1
 
 
 def test_rainflow_of_the_worked_example():
@@ -271,10 +271,10 @@ def test_impacts_from_a_time_on(inside):
     begins[0] = max(begins[0], begin)
     np.testing.assert_allclose(impacts["begin"].values, begins, atol=1e-11)
     assert of["rate_hz"] == pytest.approx(n.size / (12.0 - begin), rel=1e-12)
-    assert impacts["cut"].values[0] == np.isnan(impacts["approach_speed"].values[0]) == (inside > 0.0)
+    assert impacts["incomplete"].values[0] == np.isnan(impacts["approach_speed"].values[0]) == (inside > 0.0)
     np.testing.assert_allclose(impacts["contact_time"].values[0], (1.0 - inside) * contact, rtol=1e-9)
     restitution = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
-    whole = ~impacts["cut"].values
+    whole = ~impacts["incomplete"].values
     np.testing.assert_allclose(impacts["approach_speed"].values[whole], SPEED * restitution ** n[whole], rtol=1e-11)
     assert of["contact_share"] * (12.0 - begin) == pytest.approx(impacts["contact_time"].values.sum(), rel=1e-12)
 

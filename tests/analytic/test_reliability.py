@@ -493,14 +493,16 @@ def test_a_study_goes_on_where_it_ended(solved_by):
     solved_by(lambda *springs: sum(springs))
     case, kept, asked = of_springs(3.0, samples=300), [], []
     whole = found(case)[1]
-    part = design_study(case, workers=1, each=kept.append, stop=lambda: len(kept) > 1000)
+    part = design_study(case, workers=1, on_outcome=kept.append, stop=lambda: len(kept) > 1000)
     assert "reliability" not in part.summary
     assert part.outcome.code == "cases_missing"
-    rest = found(case, known=kept, each=asked.append)[1]
+    rest = found(case, solved_before=kept, on_outcome=asked.append)[1]
     assert rest == whole
     assert sum(not outcome.compared for outcome in kept + asked) == whole["histories"]
     assert sum(outcome.compared for outcome in kept + asked) == 1  # the history nearest the limit
-    again, resumed = found(case, known=kept + asked, each=lambda outcome: pytest.fail(f"{outcome} is solved twice"))
+    again, resumed = found(
+        case, solved_before=kept + asked, on_outcome=lambda outcome: pytest.fail(f"{outcome} is solved twice")
+    )
     assert resumed == whole
     assert again["cases"]["compared"].values.sum() == 1
 

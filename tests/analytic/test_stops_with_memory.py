@@ -102,7 +102,7 @@ def test_openings_forces_and_contacts_are_those_of_small_steps(name):
     speeds = ([np.nan] if pressed else []) + expected.approach
     np.testing.assert_allclose(impacts["approach_speed"].values, speeds, rtol=4e-3, atol=1e-4)
     if pressed:
-        assert impacts["cut"].values[0]
+        assert impacts["incomplete"].values[0]
         assert np.isnan(impacts["restitution"].values[0])
     largest = max(expected.push, expected.pull)
     np.testing.assert_allclose(
@@ -151,7 +151,7 @@ def test_what_is_pressed_at_the_start_is_not_made_there(law, speed, method):
         assert result.summary["contact_share"]["s"] == 1.0
         assert result.summary["largest_gap_m"]["s"] == 0.0
         if "method" not in method:
-            assert result["impacts"]["cut"].values.tolist() == [True]
+            assert result["impacts"]["incomplete"].values.tolist() == [True]
             assert np.isnan(result["impacts"]["approach_speed"].values[0])
             assert np.isnan(result.summary["impacts"]["s"]["highest_approach_speed_m_s"])
 

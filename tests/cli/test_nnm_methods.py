@@ -40,13 +40,13 @@ def test_thesis_method_beside_shooting(compared):
     """As close as its tolerance lets it, and not closer; what was computed is counted."""
     relaxed = compared["relaxed_minimisation"]
     assert compared.complete
-    assert relaxed["reached"].values.sum() == 12
+    assert relaxed["converged"].values.sum() == 12
     assert relaxed["functional"].values.max() <= 1e-8
-    assert set(relaxed["fate"].values) == {"same"}
+    assert set(relaxed["nearby_motion"].values) == {"same"}
     assert not relaxed["jumped"].values.any()
     assert 1e-12 < relaxed["frequency_difference"].values.max() < 1e-4
-    assert relaxed["passages"].values.sum() > 12
-    assert relaxed["shooting_passages"].item() > compared.branches[0]["parameter"].values.size
+    assert relaxed["motions"].values.sum() > 12
+    assert relaxed["shooting_motions"].item() > compared.branches[0]["parameter"].values.size
     np.testing.assert_allclose(
         relaxed["exact_frequency_hz"].values[-1], compared.branches[0]["frequency_hz"].values[-1], rtol=1e-10
     )
@@ -54,7 +54,7 @@ def test_thesis_method_beside_shooting(compared):
         load_scenario(CHAIN, {"nnm.method": {"kind": "relaxed_minimisation", "steps": 12, "tolerance": 1e-14}})
     )["relaxed_minimisation"]
     assert tighter["shape_difference"].values.max() < 1e-2 * relaxed["shape_difference"].values.max()
-    assert tighter["passages"].values.sum() > relaxed["passages"].values.sum()
+    assert tighter["motions"].values.sum() > relaxed["motions"].values.sum()
 
 
 @first_apart(("name", "steps", "period"), 1, [("nnm_chain_mass_5", 35, 4.0098), ("nnm_chain_mass_1", 55, 3.9697)])
@@ -64,7 +64,7 @@ def test_thesis_method_on_the_thesis_chains(name, steps, period):
     result = nnm(load_scenario(config_path(name), changes))
     relaxed = result["relaxed_minimisation"]
     assert result.complete
-    assert relaxed["reached"].values.sum() == steps
+    assert relaxed["converged"].values.sum() == steps
     assert 1 / relaxed["frequency_hz"].values[-1] == pytest.approx(period, abs=1e-3)
 
 
@@ -79,8 +79,8 @@ def test_thesis_method_is_caught_by_an_internal_resonance(tmp_path):
     stored = load(tmp_path / "nnm_thesis_mode_1.h5")
     relaxed = stored["relaxed_minimisation"]
     assert not stored.complete
-    assert not relaxed["reached"].values[-1]
-    assert relaxed["reached"].values[:-1].all()
+    assert not relaxed["converged"].values[-1]
+    assert relaxed["converged"].values[:-1].all()
     assert stored.branches[0]["parameter"].values[-1] == 1.0  # shooting goes on
     tongue = next(t for t in stored.branches if (t["mode"].item(), t["ratio"].item()) == (2, 5))
     assert relaxed["factor"].values[-1] == pytest.approx(tongue["parameter"].values[0], abs=0.05)

@@ -82,7 +82,7 @@ def in_a_study(scenario):
         except ValueError:
             continue
     outcomes = []
-    study = design_study(plan_draws(scenario, {path: [value]}), each=outcomes.append)
+    study = design_study(plan_draws(scenario, {path: [value]}), on_outcome=outcomes.append)
     (case,) = outcomes
     assert case.compared == (section.convergence == "on")
     assert study["cases"]["compared"].values.tolist() == [case.compared]

@@ -87,7 +87,7 @@ def test_two_workers_of_which_one_is_killed_make_no_difference(grid):
         if len(solved) == 1:
             os.kill(multiprocessing.active_children()[0].pid, signal.SIGTERM)
 
-    two = design_study(load_scenario(BASE + GRID), workers=2, each=each, progress=fractions.append)
+    two = design_study(load_scenario(BASE + GRID), workers=2, on_outcome=each, progress=fractions.append)
     assert_same(grid, two)
     assert sorted(solved) == list(range(6))
     assert fractions == sorted(fractions)
@@ -97,13 +97,13 @@ def test_two_workers_of_which_one_is_killed_make_no_difference(grid):
 def test_known_cases_are_not_computed_again(grid):
     plan = plan_designs(load_scenario(BASE + GRID))
     seen = []
-    first = design_study(plan, workers=1, each=seen.append)
+    first = design_study(plan, workers=1, on_outcome=seen.append)
     known = [outcome for outcome in seen if outcome.index % 2]
     again = []
-    assert_same(first, design_study(plan, workers=1, known=known, each=again.append))
+    assert_same(first, design_study(plan, workers=1, solved_before=known, on_outcome=again.append))
     assert sorted(outcome.index for outcome in again) == [0, 2, 4]
     nothing = []
-    assert_same(grid, design_study(plan, workers=1, known=seen, each=nothing.append))
+    assert_same(grid, design_study(plan, workers=1, solved_before=seen, on_outcome=nothing.append))
     assert nothing == []
 
 

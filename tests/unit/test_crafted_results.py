@@ -144,7 +144,7 @@ def test_every_summary_entry_has_a_type():
     for kind in KINDS.values():
         cls = resolve_name(kind.result)
         for entry in cls.SUMMARY:
-            assert (entry.form is None) or not entry.of
+            assert (entry.form is None) or not entry.variable
             TypeAdapter(entry.form)
 
 

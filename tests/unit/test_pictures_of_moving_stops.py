@@ -39,7 +39,7 @@ def test_contact_is_beyond_the_face_in_a_phase_portrait(case, side):
     free, contact = (known[name].x[np.isfinite(known[name].y)] for name in ("free", "in contact"))
     assert np.all(sign * free <= 0.2e-3 + 1e-9)
     assert np.mean(sign * contact >= 0.2e-3 - 1e-9) > 0.8  # but for the samples beside, which join the curves
-    assert chart.across[0] == "At stop, relative to the stop\nDisplacement"
+    assert chart.x_axis[0] == "At stop, relative to the stop\nDisplacement"
 
 
 def test_velocities_are_those_from_the_support():

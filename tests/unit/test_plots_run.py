@@ -68,8 +68,8 @@ def test_spectrum_is_over_the_excitation_frequency(fabricated_run):
     levels = spectra["amplitude_db"].sel(signal="tip absolute_acceleration").values
     np.testing.assert_allclose(chart.curves[0].x, spectra["frequency_hz"].values / 65.0)
     np.testing.assert_allclose(chart.curves[0].y, levels)
-    assert "excitation frequency" in chart.across[0]
-    assert plots.spectrum(fabricated_run(frequency=math.nan)).across == ("Frequency", HERTZ)
+    assert "excitation frequency" in chart.x_axis[0]
+    assert plots.spectrum(fabricated_run(frequency=math.nan)).x_axis == ("Frequency", HERTZ)
 
 
 @first_apart("how", 1, [{"snubbers": tuple("abcdefgh")}, {}])

@@ -46,7 +46,7 @@ def test_stress_along_each_body_is_that_of_the_summary(structure, plates, tmp_pa
     )
     for name, body in bodies.items():
         assert np.all(np.isfinite(body["peak_bending_stress"]))
-        assert ("across" in body and np.all(np.isfinite(body["across"]))) == plates[name]
+        assert ("position_y" in body and np.all(np.isfinite(body["position_y"]))) == plates[name]
     figures = body_figures(result)
     assert ("deflected_shapes" in figures) == (not all(plates.values()))
     assert any("plate_deflections" in name for name in figures) == any(plates.values())

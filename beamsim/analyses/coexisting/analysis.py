@@ -107,8 +107,8 @@ _Order = Sequence[tuple[int, _Motion]]  # each with its number at its frequency
 
 def coexisting(
     scenario: Scenario, progress: Progress = None, *, workers: int | None = 1,
-    scheduler: str | Cluster | None = None, known: Iterable[CaseOutcome] = (),
-    each: Callable[[CaseOutcome], None] | None = None,
+    scheduler: str | Cluster | None = None, solved_before: Iterable[CaseOutcome] = (),
+    on_outcome: Callable[[CaseOutcome], None] | None = None,
 ) -> CoexistingResult:  # fmt: skip
     """Find the motions at each frequency of a scenario, and the share of the starts that reach each.
 
@@ -119,8 +119,8 @@ def coexisting(
     scenario : scenario with a ``sweep`` section of kind coexisting and a harmonic excitation.
     progress : called with the completed fraction.
     workers, scheduler : workers for starts and disturbances, as in `beamsim.trust.studies.design_study`.
-    known : outcomes of starts and disturbances from an earlier, interrupted call.
-    each : called with every new outcome, in the order of completion.
+    solved_before : outcomes of starts and disturbances from an earlier, interrupted call.
+    on_outcome : called with every new outcome, in the order of completion.
 
     Returns
     -------
@@ -142,13 +142,13 @@ def coexisting(
     computation = Computation(partial(Marches, scenario), failed_case)
 
     def solved(outcome: CaseOutcome) -> None:
-        if each is not None:
-            each(outcome)
+        if on_outcome is not None:
+            on_outcome(outcome)
         if progress is not None and outcome.index < len(starts):
             progress(SHARE_OF_STARTS * len(evaluate.outcomes) / len(starts))
 
     solving = worker_pool(computation, sys.maxsize, workers=workers, scheduler=scheduler)
-    with Evaluator(solving, most_cases=sys.maxsize, solved_before=known, each=solved) as evaluate:
+    with Evaluator(solving, most_cases=sys.maxsize, solved_before=solved_before, on_outcome=solved) as evaluate:
         with suppress(StopEvaluation):
             evaluate(starts)
         ends: dict[float, dict[int, Destination]] = {f: {} for f in hz}

@@ -639,18 +639,18 @@ def _dimensions(quantities: _Quantities) -> dict[str, Dimension]:
     return {q: dimension for of_place in quantities.values() for q, dimension in of_place.items()}
 
 
-def _quantity_of(channel: str, unit: str, known: Mapping[str, Dimension]) -> str:
+def _quantity_of(channel: str, unit: str, dimensions: Mapping[str, Dimension]) -> str:
     """Quantity that a channel's name or unit indicates, among known ones; else the first."""
     words = channel.lower().replace("_", " ")
-    longest_first = sorted(known, key=len, reverse=True)
+    longest_first = sorted(dimensions, key=len, reverse=True)
     by_name = next((q for q in longest_first if quantity_text(q) in words), "")
-    for q, dimension in () if by_name or not unit else known.items():
+    for q, dimension in () if by_name or not unit else dimensions.items():
         try:
             in_si(MeasuredSignal(channel, np.zeros(0), np.zeros(0)), unit, dimension, "")
         except ScenarioError:
             continue
         return q
-    return by_name or next(iter(known))
+    return by_name or next(iter(dimensions))
 
 
 def _place_of(signal: MeasuredSignal, places: list[str], path: Path) -> str:

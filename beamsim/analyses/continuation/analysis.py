@@ -197,7 +197,7 @@ def _trace(model: ResponseModel, level: float, budget: Budget, report: Progress)
     """Branches of one level, those with the excitation's own period first; empty after an interruption."""
     f, settings = model.followed, model.settings
     first, last = f.to_unknown(f.first), f.to_unknown(f.last)
-    reach, wide_reach = reaches_of(first, last, beyond=f.moved_snubber is None)
+    reach, wide_reach = reaches_of(first, last, beyond_first=f.moved_snubber is None)
     tracer = Tracer(model.problem(level), reach)
     branches = trace_range(tracer, first, last, budget, report)
     if not branches and budget.exhaustion() is not INTERRUPTED:

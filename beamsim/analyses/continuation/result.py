@@ -124,7 +124,7 @@ OVERLAY_CURVE = record({"direction": Text, "level": Number, "source": Text, "ste
 BAND = record({"band": Pair, "level": Number})
 _SUMMARY = (
     STATUS,
-    Entry("parameter", of="branches/followed"),
+    Entry("parameter", variable="branches/followed"),
     Entry("method", "", "shooting or harmonic_balance", "solver", form=Text),
     Entry("points", "1", "points of all branches"),
     Entry("branches", "1", "number of branches"),

@@ -133,7 +133,7 @@ class ParameterEstimate(NamedTuple):
     """Estimate of a parameter, in SI units."""
 
     parameter: str
-    before: float  # value in the scenario; of the first item for [*]
+    initial_value: float  # value in the scenario; of the first item for [*]
     value: float
     standard_deviation: float  # nan if it is not known
     interval: tuple[float, float]
@@ -144,7 +144,7 @@ class ParameterEstimate(NamedTuple):
     def summary(self) -> dict[str, Any]:
         """Entries for the summary of the result."""
         return {
-            "value": self.value, "before": self.before, "standard_deviation": self.standard_deviation,
+            "value": self.value, "initial_value": self.initial_value, "standard_deviation": self.standard_deviation,
             "interval": list(self.interval),
         }  # fmt: skip
 
@@ -327,7 +327,7 @@ class Fit:
             estimates.append(
                 ParameterEstimate(
                     parameter=number.parameter,
-                    before=number.start,
+                    initial_value=number.start,
                     value=value,
                     standard_deviation=deviation * (number.shift or value),
                     interval=(number.at(x - z * deviation)[0], number.at(x + z * deviation)[0]),

@@ -125,7 +125,7 @@ PROFILES = Layout(
 _ESTIMATES = {
     "parameter": Variable(_PARAMETER, "1", "path of the parameter in the scenario", str),
     **_END,
-    "before": Variable(_PARAMETER, "{unit}", "value in the scenario, for [*] of the first item"),
+    "initial_value": Variable(_PARAMETER, "{unit}", "value in the scenario, for [*] of the first item"),
     "value": Variable(_PARAMETER, "{unit}", "estimated value"),
     "standard_deviation": Variable(_PARAMETER, "{unit}", "standard deviation; NaN where it is not known"),
     "interval": Variable((*_PARAMETER, "end"), "{unit}", "confidence interval"),
@@ -206,10 +206,10 @@ TESTS = Layout(
         "harmonic_measured_real": Variable(_HARMONIC, "", f"measured harmonic, real part{_IN_ITS_UNIT}"),
         "harmonic_measured_imag": Variable(_HARMONIC, "", f"measured harmonic, imaginary part{_IN_ITS_UNIT}"),
         "harmonic_noise": Variable(_HARMONIC, "", f"standard deviation of each part of it{_IN_ITS_UNIT}"),
-        "harmonic_before_real": Variable(
+        "harmonic_initial_real": Variable(
             _HARMONIC, "", f"harmonic predicted with the scenario's values, real part{_IN_ITS_UNIT}"
         ),
-        "harmonic_before_imag": Variable(
+        "harmonic_initial_imag": Variable(
             _HARMONIC, "", f"harmonic predicted with the scenario's values, imaginary part{_IN_ITS_UNIT}"
         ),
         "harmonic_predicted_real": Variable(
@@ -222,7 +222,7 @@ TESTS = Layout(
         "sample_test": Variable(_SAMPLE, "1", _OF_TEST, int, names="tests/test"),
         "sample_time": Variable(_SAMPLE, "s", "time since the stated begin"),
         "sample_measured": Variable(_SAMPLE, "", f"measured{_IN_ITS_UNIT}"),
-        "sample_before": Variable(
+        "sample_initial": Variable(
             _SAMPLE, "", f"predicted with the scenario's values, with the record's mean{_IN_ITS_UNIT}"
         ),
         "sample_predicted": Variable(
@@ -235,7 +235,7 @@ TESTS = Layout(
         ),
         "peak_measured": Variable(_PEAK, "", "measured, Hz or units of peaks"),
         "peak_noise": Variable(_PEAK, "", "standard deviation, likewise"),
-        "peak_before": Variable(_PEAK, "", "predicted with the scenario's values, likewise"),
+        "peak_initial": Variable(_PEAK, "", "predicted with the scenario's values, likewise"),
         "peak_predicted": Variable(_PEAK, "", "predicted with the estimated values, likewise"),
         "point": Variable(_POINT, "1", "number of the point of a branch", int),
         "point_test": Variable(_POINT, "1", _OF_TEST, int, names="tests/test"),

@@ -300,14 +300,14 @@ class Transient(Test):
         case = scenario.model_copy(update={"excitation": excitation, "run": Run(duration=self.duration, start=start)})
         return case.with_source(scenario.source)  # without the text, whose lines belong to other sections
 
-    def predict(self, case: Scenario, neighbour: Prediction | None, shared: SharedBuilds) -> Prediction:
+    def predict(self, case: Scenario, neighbour: Prediction | None, builds: SharedBuilds) -> Prediction:
         """Compute the exact motion.
 
         Parameters
         ----------
         case : scenario with the values of the parameters.
         neighbour : prediction for neighbouring values; not used for transients.
-        shared : cache of built systems.
+        builds : cache of built systems.
 
         Returns
         -------
@@ -323,7 +323,7 @@ class Transient(Test):
             for key, section in {"excitation": "excitation", "start": "run.start"}.items():
                 if getattr(test, key) is not None:
                     places.enter_context(prefix_problems(section, f"{at}.{key}"))
-            system = build_system(case, shared, with_stations=False)
+            system = build_system(case, builds, with_stations=False)
         if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")
         motion = simulate(exact_flow(system, self.duration), system.initial_state, max_events=MOST_EVENTS)
@@ -396,7 +396,7 @@ class Transient(Test):
         initial, fitted : comparison at the scenario's values, and at the estimate.
         """
         samples = {
-            "time": self.time, "measured": self.measured, "before": initial.values, "predicted": fitted.values,
+            "time": self.time, "measured": self.measured, "initial": initial.values, "predicted": fitted.values,
         }  # fmt: skip
         return self.fitted_test("transient", misfit, fitted.delay, {"sample": samples}, noise=self.sigma)
 
@@ -483,23 +483,23 @@ class _Curve:
             raise UnpredictableError("the motion after a jump was not found")
         return point
 
-    def matching_feature(self, known: Feature, jump: Feature | None, peak: int = 0) -> Feature:
+    def matching_feature(self, feature: Feature, jump: Feature | None, peak: int = 0) -> Feature:
         """Locate the feature that corresponds to a feature of a neighbouring model."""
-        if known.kind == "jump" and jump is not None:
+        if feature.kind == "jump" and jump is not None:
             return jump
-        centre = correct_across(self.orbits, known.point.u, _EXACT) if known.kind in ("jump", "top") else None
+        centre = correct_across(self.orbits, feature.point.u, _EXACT) if feature.kind in ("jump", "top") else None
         found: BranchPoint | None = None
-        if known.kind == "landing" and jump is not None:
-            found = self.landing(known.point, jump.point.parameter)
-        elif known.kind == "start":
-            found = solve_at(self.orbits, known.point.u, _EXACT)
-        elif centre is not None and known.kind == "jump":
+        if feature.kind == "landing" and jump is not None:
+            found = self.landing(feature.point, jump.point.parameter)
+        elif feature.kind == "start":
+            found = solve_at(self.orbits, feature.point.u, _EXACT)
+        elif centre is not None and feature.kind == "jump":
             found = self.fold(*(self.step_along_branch(centre, side * _NEIGHBOUR_DISTANCE) for side in (-1.0, 1.0)))
         elif centre is not None:
             found = self.top(centre, peak)
-        if found is None or (known.kind == "top" and _determinant(found) * _determinant(known.point) < 0):
+        if found is None or (feature.kind == "top" and _determinant(found) * _determinant(feature.point) < 0):
             raise UnpredictableError("a peak or jump next to a known one was not found, or lies beyond a fold")
-        return Feature(known.kind, found)
+        return Feature(feature.kind, found)
 
     @cached_property
     def swept_parts(self) -> tuple[list[list[Feature]], Feature | None]:
@@ -657,9 +657,9 @@ class SweptPeaks(Test):
         level = self.test.level if test.file else test.level
         return scenario.model_copy(update={"excitation": harmonic.at(test.to, level), "run": None})
 
-    def predict(self, case: Scenario, neighbour: Any, shared: SharedBuilds) -> SweepPrediction:
+    def predict(self, case: Scenario, neighbour: Any, builds: SharedBuilds) -> SweepPrediction:
         """Compute jump and peaks; see `Transient.predict`."""
-        test, curve = self.test, self._curve(case, shared)
+        test, curve = self.test, self._curve(case, builds)
         try:
             found = None if neighbour is None else self._matching_features(curve, neighbour)
             jump, tops = found or self._features_of_branch(curve)
@@ -675,9 +675,9 @@ class SweptPeaks(Test):
         system = curve.measurement.system
         return SweepPrediction(system, motion, touching, curve, jump, tops, np.array(numbers), bandwidth)
 
-    def _curve(self, case: Scenario, shared: SharedBuilds) -> _Curve:
+    def _curve(self, case: Scenario, builds: SharedBuilds) -> _Curve:
         """Branch of a case, with the channels that are measured along it."""
-        system, harmonic = build_system(case, shared, with_stations=False), of_kind(Harmonic, case.excitation)
+        system, harmonic = build_system(case, builds, with_stations=False), of_kind(Harmonic, case.excitation)
         if system.cubic is not None:
             raise UnpredictableError("cubic springs have no exact flow")
         omega, loads = 2 * np.pi * harmonic.frequency, periodic_forcing(case, system)
@@ -721,7 +721,7 @@ class SweptPeaks(Test):
         prediction: SweepPrediction = fitted.values
         curve = prediction.curve
         peaks = {
-            "what": self.labels, "measured": self.measured, "noise": self.sigma, "before": initial.values.predicted,
+            "what": self.labels, "measured": self.measured, "noise": self.sigma, "initial": initial.values.predicted,
             "predicted": prediction.predicted,
         }  # fmt: skip
         branch = {

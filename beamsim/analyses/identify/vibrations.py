@@ -340,10 +340,10 @@ class _Steady(Test):
         excitation = of_kind(Harmonic, scenario.excitation).at(self.frequency_hz, level)
         return scenario.model_copy(update={"excitation": excitation, "run": None})
 
-    def predict(self, case: Scenario, neighbour: Any, shared: SharedBuilds) -> SteadyVibration:
+    def predict(self, case: Scenario, neighbour: Any, builds: SharedBuilds) -> SteadyVibration:
         """Compute the steady vibration; see `Transient.predict`."""
         guess = None if neighbour is None else neighbour.start
-        return steady_vibration(case, guess, excitation_periods=self.excitation_periods, shared=shared)
+        return steady_vibration(case, guess, excitation_periods=self.excitation_periods, builds=builds)
 
     def compare(self, prediction: Any, gain: float, neighbour: TestComparison | None) -> TestComparison:
         """Compare harmonics, shifted to the time of the measurement; see `Transient.compare`."""
@@ -394,7 +394,7 @@ class _Steady(Test):
         shift = turn * round(fitted.delay / turn)
         misfit = misfit._replace(delay_interval=(misfit.delay_interval[0] - shift, misfit.delay_interval[1] - shift))
         harmonics = {"order": self.harmonics.order / self.excitation_periods, "noise": self.sigma}
-        compared = {"measured": self.harmonics.value, "before": initial.values, "predicted": fitted.values}
+        compared = {"measured": self.harmonics.value, "initial": initial.values, "predicted": fitted.values}
         harmonics |= {f"{name}_real": each.real for name, each in compared.items()}
         harmonics |= {f"{name}_imag": each.imag for name, each in compared.items()}
         rows = {"harmonic": harmonics}
@@ -511,7 +511,7 @@ class _Vibrations:
     predictions: list[Prediction] = field(default_factory=list)
     initial_predictions: list[tuple[Prediction, TestComparison]] = field(default_factory=list)
     comparisons: list[TestComparison] = field(default_factory=list)
-    shared: SharedBuilds = field(default_factory=SharedBuilds)
+    builds: SharedBuilds = field(default_factory=SharedBuilds)
 
     def start(self) -> None:
         """Compute the motions at the initial values; they also give the scale of gaps, which may be zero.
@@ -551,7 +551,7 @@ class _Vibrations:
         for t, test in enumerate(self.tests):
             near, before = self.initial_predictions[t] if self.initial_predictions else (None, None)
             try:
-                predictions.append(test.predict(test.case(scenario), near, self.shared))
+                predictions.append(test.predict(test.case(scenario), near, self.builds))
             except UnpredictableError:
                 if stop_requested():  # the branch of a sweep may have ended because of the interruption
                     raise Interrupted from None
@@ -781,7 +781,7 @@ class SteadyVibration(Prediction):
 
 
 def steady_vibration(
-    scenario: Scenario, guess: Floats | None = None, *, excitation_periods: int = 1, shared: SharedBuilds | None = None
+    scenario: Scenario, guess: Floats | None = None, *, excitation_periods: int = 1, builds: SharedBuilds | None = None
 ) -> SteadyVibration:
     """Compute the periodic response by Newton's method on the exact flow with its exact monodromy matrix.
 
@@ -790,7 +790,7 @@ def steady_vibration(
     scenario : scenario with a harmonic excitation and without cubic springs.
     guess : (N,) state at t = 0 of a neighbouring response.
     excitation_periods : excitation periods in one period of the response.
-    shared : cache of systems built for scenarios with the same structure.
+    builds : cache of systems built for scenarios with the same structure.
 
     Returns
     -------
@@ -801,7 +801,7 @@ def steady_vibration(
     UnpredictableError
         If neither Newton's method nor a transient of 300 periods reaches such a motion.
     """
-    system = build_system(scenario, shared, with_stations=False)
+    system = build_system(scenario, builds, with_stations=False)
     if system.cubic is not None:
         raise UnpredictableError("cubic springs have no exact flow")
     omega = 2 * np.pi * scenario.sine.frequency

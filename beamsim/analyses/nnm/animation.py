@@ -36,10 +36,12 @@ def frames_of_orbit(model: StructuralSystem, stations: Stations, motion: Dataset
     lines, columns = [], []
     for part in stations.bodies:
         numbers = np.arange(part.stations.start, part.stations.stop)
-        across = None if part.axis is not ON_PLATE or stations.across is None else stations.across[part.stations]
+        across = (
+            None if part.axis is not ON_PLATE or stations.position_y is None else stations.position_y[part.stations]
+        )
         rows = [numbers[across == y] for y in np.unique(across)] if across is not None else [numbers]
         for row in rows if part.axis.continuous else lines_of_nodes(stations, part):
-            y = None if across is None or stations.across is None else stations.across[row]
+            y = None if across is None or stations.position_y is None else stations.position_y[row]
             lines.append(DrawnLine(part.body, stations.position[row], y, part.axis.continuous, row))
             columns.append(row)
     places = [end for site in sites.values() for end in ends_of(site)]
@@ -62,6 +64,6 @@ def _nearest(stations: Stations, place: Place) -> int:
     parts = stations.bodies
     part = next((each for each in parts if each.body == place.body), parts[0])
     distance = np.abs(stations.position[part.stations] - place.coordinate)
-    if place.across is not None and stations.across is not None:
-        distance = np.hypot(distance, stations.across[part.stations] - place.across)
+    if place.position_y is not None and stations.position_y is not None:
+        distance = np.hypot(distance, stations.position_y[part.stations] - place.position_y)
     return int(part.stations.start + distance.argmin())

@@ -54,7 +54,7 @@ class ExpansionPath:
     frequency_hz: Floats  # (F, 3)
     coordinates: Floats  # (F, 3, n) the shape at rest at t = 0
     initial_displacement: Floats  # (F, 3, nx)
-    partner: int
+    coupled_mode: int
     harmonic: int
     reach: float
     uniform_coordinates: Floats  # (F, 3, n)
@@ -119,17 +119,17 @@ class RelaxedComparison:
     factor: Floats  # (S,) of the computed steps; the last may not have converged
     frequency_hz: Floats  # (S,)
     functional: Floats  # (S,)
-    passages: Ints  # (S,)
+    motions: Ints  # (S,)
     processor_time_s: Floats  # (S,)
-    reached: Bools  # (S,)
+    converged: Bools  # (S,)
     coordinates: Floats  # (S, n)
     initial_displacement: Floats  # (S, nx)
     exact_frequency_hz: Floats  # (S,)
     frequency_difference: Floats  # (S,)
     shape_difference: Floats  # (S,)
-    fate: Sequence[str]  # (S,)
+    nearby_motion: Sequence[str]  # (S,)
     jumped: Bools  # (S,)
-    shooting_passages: int
+    shooting_motions: int
     shooting_processor_time_s: float
 
     @property
@@ -203,7 +203,7 @@ def expansion_path(
         frequency_hz=frequency,
         coordinates=shape,
         initial_displacement=shape @ structure.deflection.T,
-        partner=linear.coupled_mode + 1,
+        coupled_mode=linear.coupled_mode + 1,
         harmonic=linear.harmonic,
         reach=linear.reach,
         uniform_coordinates=uniform,
@@ -375,15 +375,15 @@ def compare_relaxed(
     factors = np.linspace(job.first, job.last, settings.steps + 1)[1:]
     begin = processor_time()
     exact = [branches.at_factor(float(factor)) for factor in factors]
-    shooting_passages = orbits.family.passages
+    shooting_motions = orbits.family.motions_computed
     shooting_time_s += processor_time() - begin
     steps: list[RelaxedStep] = []
     for step in until_stop(relaxed_path(orbits, points[0].u, factors, settings.tolerance, settings.iterations)):
         steps.append(step)
         report_progress(progress, len(steps) / settings.steps)
-        if not step.reached:
+        if not step.converged:
             break
-    apart, fates, jumped = _errors_against_exact(orbits, steps, exact)
+    apart, nearby, jumped = _errors_against_exact(orbits, steps, exact)
     shapes, frequency = np.array([s.shape for s in steps]), np.array([1.0 / s.period for s in steps])
     known = np.array([np.nan if e is None else 1.0 / float(e.u[-2]) for e in exact[: len(steps)]])
     return RelaxedComparison(
@@ -393,17 +393,17 @@ def compare_relaxed(
         factor=np.array([s.factor for s in steps]),
         frequency_hz=frequency,
         functional=np.array([s.functional for s in steps]),
-        passages=np.array([s.passages for s in steps], dtype=np.int64),
+        motions=np.array([s.motions for s in steps], dtype=np.int64),
         processor_time_s=np.array([s.processor_time_s for s in steps]),
-        reached=np.array([s.reached for s in steps], dtype=bool),
+        converged=np.array([s.converged for s in steps], dtype=bool),
         coordinates=shapes,
         initial_displacement=shapes @ job.system.deflection.T,
         exact_frequency_hz=known,
         frequency_difference=np.abs(frequency / known - 1.0),
         shape_difference=apart,
-        fate=fates,
+        nearby_motion=nearby,
         jumped=jumped,
-        shooting_passages=shooting_passages,
+        shooting_motions=shooting_motions,
         shooting_processor_time_s=shooting_time_s,
     )
 
@@ -411,7 +411,7 @@ def compare_relaxed(
 def _end_of_steps(steps: Sequence[RelaxedStep], settings: RelaxedMinimisationMethod) -> Outcome:
     """Outcome of the steps: why they ended."""
     last = Where(steps[-1].factor, "", "stiffness factor")
-    if not steps[-1].reached:
+    if not steps[-1].converged:
         code, sentence, remedy = (
             "too_few_iterations",
             f"the limit of {settings.iterations} iterations is reached",
@@ -445,23 +445,23 @@ def _errors_against_exact(
     `RelaxedComparison`); (s,) True if the step jumped to another motion than the step before.
     """
     n, apart = orbits.n, np.full(len(steps), np.nan)
-    fates: list[str] = []
+    nearby: list[str] = []
     jumped: list[bool] = []
     last: Floats | None = None  # the exact motion compared with the previous step
     for k, (step, point) in enumerate(zip(steps, exact, strict=False)):
         if point is not None:
             apart[k] = _distance(orbits, step.shape, point.u[:n])
         near = solve_at(orbits, orbits.unknowns(step.shape, step.period, step.factor), Settings(iterations=15))
-        fates.append("none" if near is None else "between" if point is None else "other")
+        nearby.append("none" if near is None else "between" if point is None else "other")
         if near is not None and point is not None:
             same = _distance(orbits, near.u[:n], point.u[:n]) < SAME_SHAPE
-            fates[-1] = "same" if same and abs(near.u[-2] / point.u[-2] - 1.0) < SAME_SHAPE else "other"
+            nearby[-1] = "same" if same and abs(near.u[-2] / point.u[-2] - 1.0) < SAME_SHAPE else "other"
         here = None if near is None else near.u[:n]
-        jumped.append(fates[-1] in ("other", "none") and (k == 0 or fates[-2] in ("same", "between")))
-        if fates[-1] == "other" and not jumped[-1] and last is not None and here is not None:
+        jumped.append(nearby[-1] in ("other", "none") and (k == 0 or nearby[-2] in ("same", "between")))
+        if nearby[-1] == "other" and not jumped[-1] and last is not None and here is not None:
             jumped[-1] = _distance(orbits, here, last) > LARGEST_STEP
         last = here
-    return apart, fates, np.array(jumped, dtype=bool)
+    return apart, nearby, np.array(jumped, dtype=bool)
 
 
 def _distance(orbits: BrakeOrbits, shape: Floats, other: Floats) -> float:

@@ -210,7 +210,7 @@ MULTIPLE_SCALES = Layout(
         "linear_frequency_hz": Variable((), "Hz", "natural frequency"),
         "first_hz": Variable((), "Hz", "change of the frequency per factor, at the linear mode's amplitude"),
         "second_hz": Variable((), "Hz", "change of the frequency per squared factor"),
-        "partner": Variable((), "1", "mode with the largest first-order component", int),
+        "coupled_mode": Variable((), "1", "mode with the largest first-order component", int),
         "harmonic": Variable((), "1", "its harmonic", int),
         "reach": Variable((), "1", "factors should be well below this one"),
         "pole": Variable((), "1", "factor above which the initial vector is not yet at its asymptotic order"),
@@ -253,15 +253,17 @@ RELAXED_MINIMISATION = Layout(
         "steps": Variable((), "1", "steps asked for", int),
         "tolerance": Variable((), "1", "tolerance of the functional"),
         **outcome_variables(()),
-        "shooting_passages": Variable(
+        "shooting_motions": Variable(
             (), "1", "motions computed for the backbone, its tongues and the same factors", int
         ),
         "shooting_processor_time_s": Variable((), "s", "processor time of shooting"),
         "frequency_hz": Variable(_FACTOR, "Hz", "frequency"),
         "functional": Variable(_FACTOR, "1", "functional over twice the energy at the end of its minimisation"),
-        "passages": Variable(_FACTOR, "1", "motions computed", int),
+        "motions": Variable(_FACTOR, "1", "motions computed", int),
         "processor_time_s": Variable(_FACTOR, "s", "processor time"),
-        "reached": Variable(_FACTOR, "1", "whether the functional fell below the tolerance", bool, flags=("no", "yes")),
+        "converged": Variable(
+            _FACTOR, "1", "whether the functional fell below the tolerance", bool, flags=("no", "yes")
+        ),
         "exact_frequency_hz": Variable(_FACTOR, "Hz", "frequency of the backbone by shooting"),
         "frequency_difference": Variable(_FACTOR, "1", "difference of the frequency from the backbone, relative"),
         "shape_difference": Variable(
@@ -269,7 +271,7 @@ RELAXED_MINIMISATION = Layout(
             "1",
             "difference of the shape from the backbone, relative, in the norm of the linear strain energy",
         ),
-        "fate": Variable(_FACTOR, "", "exact motion near it: same, other, none or between", str),
+        "nearby_motion": Variable(_FACTOR, "", "exact motion near it: same, other, none or between", str),
         "jumped": Variable(
             _FACTOR, "1", "whether the step left the motion that the one before was on", bool, flags=("no", "yes")
         ),

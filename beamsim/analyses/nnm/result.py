@@ -36,13 +36,13 @@ RESONANCE = record(
     {"stable": Flag, **dict.fromkeys(("frequency_hz", "amplitude_m", "level_for_amplitude"), Number)},
 )
 FULL_PERIOD = record({"symmetry_breakings": list[Plain], "never_at_rest": list[Plain]})
-RELAXED = record(dict.fromkeys(("steps", "steps_reached", "largest_frequency_difference", "cost_ratio"), Number))
+RELAXED = record(dict.fromkeys(("steps", "steps_converged", "largest_frequency_difference", "cost_ratio"), Number))
 OF_LEVELS = record({"quantity": Text, "unit": Text, "probe": Text, "levels": list_of(RESONANCE)})
 TONGUE = record(dict.fromkeys(("mode", "ratio", "parameter"), Number))
 _SUMMARY = (
     STATUS,
     Entry("mode", "1", "number of the mode", form=Number),
-    Entry("continued_in", of="branches/continued_in"),
+    Entry("continued_in", variable="branches/continued_in"),
     Entry("points", "1", "points of the backbone"),
     Entry("energy_error", "1", "largest change of the energy along a motion of any branch, relative to the energy",
              "solver"),
@@ -71,8 +71,8 @@ _SUMMARY = (
     Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative",
              "drawn motion",
              "motion/drift"),
-    Entry("motion_periods", "1", "number of these periods", "drawn motion", of="motion/periods"),
-    Entry("method", section="solver", of="branches/method"),
+    Entry("motion_periods", "1", "number of these periods", "drawn motion", variable="motion/periods"),
+    Entry("method", section="solver", variable="branches/method"),
     Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone",
              "solver"),
     Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone"),

@@ -88,7 +88,7 @@ def _full_period(result: NormalModeResult) -> dict[str, Any]:
     }
 
 
-_RELAXED_COLUMNS = ("steps", "tolerance", "shooting_passages", "shooting_processor_time_s", "cost_ratio")
+_RELAXED_COLUMNS = ("steps", "tolerance", "shooting_motions", "shooting_processor_time_s", "cost_ratio")
 
 
 def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
@@ -96,7 +96,7 @@ def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
     known = np.isfinite(relaxed.frequency_difference)
     return {
         **{name: getattr(relaxed, name) for name in _RELAXED_COLUMNS},
-        "steps_reached": int(np.count_nonzero(relaxed.reached)),
+        "steps_converged": int(np.count_nonzero(relaxed.converged)),
         "largest_functional": float(relaxed.functional.max(initial=0.0)),
         "end": {
             "parameter": float(relaxed.factor[-1]),
@@ -106,9 +106,9 @@ def relaxed_summary(relaxed: RelaxedComparison) -> dict[str, Any]:
         },
         "largest_frequency_difference": float(relaxed.frequency_difference[known].max(initial=0.0)),
         "largest_shape_difference": float(relaxed.shape_difference[known].max(initial=0.0)),
-        "followed": {fate: relaxed.fate.count(fate) for fate in dict.fromkeys(relaxed.fate)},
+        "nearby_motions": {name: relaxed.nearby_motion.count(name) for name in dict.fromkeys(relaxed.nearby_motion)},
         "silent_jumps": relaxed.factor[relaxed.jumped].tolist(),
-        "passages": int(relaxed.passages.sum()),
+        "motions": int(relaxed.motions.sum()),
         "processor_time_s": float(relaxed.processor_time_s.sum()),
         "status": relaxed.outcome.of_part,
     }

@@ -107,7 +107,7 @@ def motion_of(
 
 
 def solve_run(
-    scenario: Scenario, progress: Callable[[float], None] | None, stop: Stop, shared: SharedBuilds,
+    scenario: Scenario, progress: Callable[[float], None] | None, stop: Stop, builds: SharedBuilds,
     entries: Collection[str] | None = None,
 ) -> Solution:  # fmt: skip
     """Simulate the scenario.
@@ -121,7 +121,7 @@ def solve_run(
     stop : polled between blocks of events, and before each later step (spectra, statistics, fatigue). After an
     interruption the result contains the motion so far with its peaks, energies and histories, and names what is
     missing.
-    shared : cache of built systems.
+    builds : cache of built systems.
     entries : needed summary entries; by default everything, with histories, spectra and shapes, which are otherwise
     empty.
 
@@ -136,7 +136,7 @@ def solve_run(
         If the scenario cannot be run (no ``run`` section, no static equilibrium to start from, ...).
     """
     begin = clock.perf_counter()
-    scenario, system = _build(scenario, shared)
+    scenario, system = _build(scenario, builds)
     everything, needed = entries is None, EVERYTHING if entries is None else Needed.of(scenario, entries)
     settings, times = not_none(scenario.run), output_times(scenario)
     if everything or needed.statistics:
@@ -179,13 +179,13 @@ def solve_run(
     return Solution(motion, replace(result, wall_time_s=clock.perf_counter() - begin))
 
 
-def _build(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
+def _build(scenario: Scenario, builds: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
     """Resolve the start of a scenario and build its system; see `solve_run`."""
     if scenario.run is None:
         raise ScenarioError(Problem("run", "is missing", "add for example `run: {duration: 1 s, sample_rate: 10 kHz}`"))
     if isinstance(scenario.run.start, OrbitStart):
-        return built_at_orbit(scenario, shared)
-    return scenario, build_system(scenario, shared)
+        return built_at_orbit(scenario, builds)
+    return scenario, build_system(scenario, builds)
 
 
 def _warnings(motion: RunMotion) -> list[str]:
@@ -456,7 +456,7 @@ def _scenario_at_orbit(scenario: Scenario, orbit: StoredOrbit, *, keep_excitatio
     return scenario.model_copy(update=changed)
 
 
-def built_at_orbit(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
+def built_at_orbit(scenario: Scenario, builds: SharedBuilds) -> tuple[Scenario, StructuralSystem]:
     """Scenario at the point from which its run starts, and its system with that state.
 
     Raises
@@ -469,7 +469,7 @@ def built_at_orbit(scenario: Scenario, shared: SharedBuilds) -> tuple[Scenario, 
     orbit = read_orbit(start, scenario.folder_of("run", "start", "orbit"))
     scenario = _scenario_at_orbit(scenario, orbit, keep_excitation=start.keep_excitation)
     at_rest = scenario.model_copy(update={"run": settings.model_copy(update={"start": "rest"})})
-    return scenario, _start_from_orbit(build_system(at_rest, shared), orbit, start.factor)
+    return scenario, _start_from_orbit(build_system(at_rest, builds), orbit, start.factor)
 
 
 def _start_from_orbit(system: StructuralSystem, orbit: StoredOrbit, factor: float = 1.0) -> StructuralSystem:

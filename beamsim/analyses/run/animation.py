@@ -43,7 +43,7 @@ def frames_of_run(result: RunResult, progress: Progress = None, model: Structura
     """
     settings, system = not_none(result.scenario.run), model
     if isinstance(settings.start, OrbitStart):
-        shared = SharedBuilds() if model is None else model.model.shared
+        shared = SharedBuilds() if model is None else model.model.builds
         _, system = built_at_orbit(result.scenario, shared)
     system = system or build_system(result.scenario)
     times, slow = instants(result)

@@ -119,7 +119,7 @@ class LocalExtremes:
 
     def _contest(self, name: str, value: Value, columns: Sequence[tuple[Channel, int]]) -> Contest:
         """Extremes of some channels, each with its first row, that compete for a value."""
-        sign = float(np.sign(not_none(value.of)(np.array([[-1.0], [0.0], [2.0], [0.0]]))[0]))
+        sign = float(np.sign(not_none(value.from_extreme)(np.array([[-1.0], [0.0], [2.0], [0.0]]))[0]))
         best, scale, first = -np.inf, 0.0, (Peak(0, 1, 0, 0.0, 1), 0.0)
         peaks, values, factors = list[Peak](), list[Floats](), list[Floats]()
         for channel, row in columns:
@@ -247,23 +247,27 @@ class LocalExtremes:
         return [Peak(0, MISSED, first, float(motion.time[first]), 1), Peak(0, MISSED, last, end, 0)]
 
     def entering(
-        self, ends: Sequence[Peak], kept: Sequence[int], varied: Sequence[Variation], found: MotionDerivative
+        self,
+        ends: Sequence[Peak],
+        indices: Sequence[int],
+        variations: Sequence[Variation],
+        derivative: MotionDerivative,
     ) -> Iterator[tuple[float, float, Floats]]:
         """Changes of contacts just before the beginning or after the end of the record.
 
         Parameters
         ----------
         ends : beginning and end of the record.
-        kept : their numbers among the stored instants.
-        varied : (P,) changes of numbers.
-        found : derivatives of the motion.
+        indices : their numbers among the stored instants.
+        variations : (P,) changes of numbers.
+        derivative : derivatives of the motion.
 
         Yields
         ------
         Time, s; event function, and its derivatives (P,). At the end of the record it decreases towards zero.
         """
-        motion, flow, of = self.motion, self.motion.flow, found.stored
-        for peak, k in zip(ends, kept, strict=True):
+        motion, flow, of = self.motion, self.motion.flow, derivative.stored
+        for peak, k in zip(ends, indices, strict=True):
             at = flow.states[motion.state[peak.segment]]
             events, v, moving = at.equations.events, of.instant.v[k], of.instant.rate[k]
             value, rate = events.guards @ v, events.guards @ moving
@@ -271,7 +275,7 @@ class LocalExtremes:
             for g in np.flatnonzero((value > ROUND_OFF * terms) & ((rate < 0.0) | bool(peak.later))).tolist():
                 key = at.phases, int(events.contact[g]), int(events.next[g])
                 row, n = events.guards[g], flow.size
-                changed = np.array([each.rates.event(key)[-1] for each in varied]) @ v
+                changed = np.array([each.rates.event(key)[-1] for each in variations]) @ v
                 yield peak.time, float(value[g]), row[:n] @ of.S[k] + of.instant.input_change[k] @ row[n:] + changed
 
     def cut(self, peaks: Sequence[Peak]) -> tuple[Log, list[tuple[int, int]]]:
@@ -298,16 +302,16 @@ class LocalExtremes:
         ]
         return log, instants
 
-    def slopes(self, peaks: Sequence[Peak], varied: Sequence[Variation], found: MotionDerivative) -> Floats:
+    def slopes(self, peaks: Sequence[Peak], variations: Sequence[Variation], derivative: MotionDerivative) -> Floats:
         """(M, P) derivatives of extremes.
 
         Parameters
         ----------
         peaks : (M,) extremes, in the order of the stored instants.
-        varied : (P,) changes of numbers.
-        found : derivatives of the motion.
+        variations : (P,) changes of numbers.
+        derivative : derivatives of the motion.
         """
-        flow, kept, slopes = self.motion.flow, found.stored, np.empty((len(peaks), len(varied)))
+        flow, kept, slopes = self.motion.flow, derivative.stored, np.empty((len(peaks), len(variations)))
         used, number = np.unique([peak.row for peak in peaks], return_inverse=True)
         states = self.motion.state[[peak.segment for peak in peaks]]
         for state in np.unique(states):
@@ -317,7 +321,7 @@ class LocalExtremes:
                 return side.outputs(outputs_of(side.flow, rows[side][used]), phases)
 
             own = factors(self.outputs, {self.outputs: self.channels.linear})
-            changed = np.array([each.rates.of(partial(factors, rows=each.rows)) for each in varied])
+            changed = np.array([each.rates.of(partial(factors, rows=each.rows)) for each in variations])
             for k in np.flatnonzero(states == state).tolist():
                 row, n = own[number[k]], flow.size
                 fixed = row[:n] @ kept.S[k] + kept.instant.input_change[k] @ row[n:]
@@ -337,7 +341,9 @@ def _single_extreme_value(value: Value, channel: Channel, extreme: Floats) -> tu
 
     def of(number: Floats) -> Floats:
         zero = np.zeros_like(number)
-        return not_none(value.of)(np.array([number, zero, np.abs(number) if channel.counts_pulling else number, zero]))
+        return not_none(value.from_extreme)(
+            np.array([number, zero, np.abs(number) if channel.counts_pulling else number, zero])
+        )
 
     step = 2.0**-20 * np.where(extreme == 0.0, np.abs(extreme).max(initial=0.0) or 1.0, np.abs(extreme))
     return of(extreme), np.round((of(extreme + step) - of(extreme - step)) / (2.0 * step))

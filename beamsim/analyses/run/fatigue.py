@@ -153,7 +153,11 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
     settings = not_none(not_none(system.scenario.run).fatigue)
     stress, variation = not_none(system.stress), stresses.variation()
     tested = not_none(system.scenario.run).test_duration
-    limit, across, names = settings.endurance_limit or 0.0, stress.stations.across, list(dict.fromkeys(stress.bodies))
+    limit, across, names = (
+        settings.endurance_limit or 0.0,
+        stress.stations.position_y,
+        list(dict.fromkeys(stress.bodies)),
+    )
     components = {body.body: COMPONENTS[: body.moments] for body in system.bodies if body.moments > 1}
     rows, counted = list[dict[str, Any]](), list[Floats]()
     for name in names:
@@ -165,7 +169,7 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
         counted.append(cycles)
         rows.append({
             "position": float(stress.stations.position[station]),
-            "across": np.nan if across is None else float(across[station]),
+            "position_y": np.nan if across is None else float(across[station]),
             "component": None if of_body is None else of_body[number * len(of_body) // stations.size],
             "cycles": float(cycles[:, 2].sum()),
             "largest_range_pa": float(cycles[:, 0].max(initial=0.0)),
@@ -177,7 +181,7 @@ def fatigue_of(system: StructuralSystem, stresses: StressObserver, end: float, e
         })  # fmt: skip
     values: dict[str, Any] = {"body": names, **columns_of_cycles(counted, "body")}
     of_all = {name: [row.get(name, np.nan) for row in rows] for name in (*rows[0], "damage_low", "damage_high")}
-    unknown = ("across", "component", "damage_low", "damage_high")
+    unknown = ("position_y", "component", "damage_low", "damage_high")
     values |= {name: None if name in unknown and not any(map(has_value, of)) else of for name, of in of_all.items()}
     return FATIGUE.dataset(values)
 
@@ -188,7 +192,7 @@ def has_value(value: float | str | None) -> bool:
 
 
 def _worst(
-    stations: Ints, stresses: StressObserver, known: tuple[Floats, Floats], settings: StressLife
+    stations: Ints, stresses: StressObserver, ranges_and_variations: tuple[Floats, Floats], settings: StressLife
 ) -> tuple[int, Floats]:
     """Station of a body with the largest damage, and the turning points of its stress, Pa.
 
@@ -196,14 +200,14 @@ def _worst(
     ----------
     stations : stations of the body.
     stresses : observer of the motion.
-    known : (nx,) stress ranges, and bounds of the total variations, Pa.
+    ranges_and_variations : (nx,) stress ranges, and bounds of the total variations, Pa.
     settings : S-N line.
 
     Returns
     -------
     Index of the station, and its turning points. Without damage, the station with the largest range.
     """
-    ranges, variation = (values[stations] for values in known)
+    ranges, variation = (values[stations] for values in ranges_and_variations)
     unit, exponent, limit = float(ranges.max()), settings.exponent, settings.endurance_limit or 0.0
     if not limit < unit < np.inf:
         station = int(stations[ranges.argmax()])

@@ -114,7 +114,7 @@ def _probe_histories(motion: RunMotion, histories: Histories, base: Floats) -> d
         "probe": [probe.name for probe in probes],
         "probe_body": [bodies[probe.name] for probe in probes] if bodies else None,
         "position": [probe.position for probe in probes],
-        "across": _numbers_or_none([probe.across for probe in probes]),
+        "position_y": _numbers_or_none([probe.position_y for probe in probes]),
         "displacement": displacement,
         "absolute_displacement": displacement + system.base_influence[:, None] * base,
         "velocity": histories.of(("probes", "velocity")).T,
@@ -134,7 +134,7 @@ def _snubber_variables(motion: RunMotion, histories: Histories) -> dict[str, Any
         "snubber": [snubber.name for snubber in snubbers],
         "snubber_body": [bodies[snubber.name] for snubber in snubbers] if bodies else None,
         **{f"snubber_{name}": [getattr(snubber, name) for snubber in snubbers] for name in described},
-        "snubber_across": _numbers_or_none([snubber.across for snubber in snubbers]),
+        "snubber_position_y": _numbers_or_none([snubber.position_y for snubber in snubbers]),
         "snubber_table_misfit": _numbers_or_none([snubber.table_misfit for snubber in snubbers]),
         "snubber_residual_crush": _numbers_or_none([crushed.get(j) for j in range(len(snubbers))]),
         "snubber_closed": histories.in_contact[:, : len(snubbers)].T,
@@ -293,7 +293,7 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
     moved = motion.extreme_states[:, : system.dynamics.size]
     extreme = [moved @ body.deflection.T + system.with_supports(body.places, times) for body in bodies]
     optional = {
-        "across": [body.across for body in bodies],
+        "position_y": [body.position_y for body in bodies],
         "peak_bending_stress": [stresses.get(body.body) for body in bodies],
         "peak_von_mises_stress": [von_mises.get(body.body) for body in bodies],
     }

@@ -122,12 +122,12 @@ def columns_of_cycles(cycles: Sequence[Floats], owner: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _table(each: Sequence[_Impacts], minimum_rest: float, force_threshold: float) -> Dataset:
+def _table(impacts_of_snubbers: Sequence[_Impacts], minimum_rest: float, force_threshold: float) -> Dataset:
     """Impacts of all snubbers as one table, in order of time."""
-    snubber_of = np.repeat(np.arange(len(each)), [impacts.begin.size for impacts in each])
-    order = np.lexsort((snubber_of, np.concatenate([impacts.begin for impacts in each])))
+    snubber_of = np.repeat(np.arange(len(impacts_of_snubbers)), [impacts.begin.size for impacts in impacts_of_snubbers])
+    order = np.lexsort((snubber_of, np.concatenate([impacts.begin for impacts in impacts_of_snubbers])))
     columns: dict[str, Any] = {
-        field.name: np.concatenate([getattr(impacts, field.name) for impacts in each])[order]
+        field.name: np.concatenate([getattr(impacts, field.name) for impacts in impacts_of_snubbers])[order]
         for field in fields(_Impacts)
         if field.name != "square"
     }
@@ -158,7 +158,7 @@ class _Impacts:
     approach_speed: Floats
     separation_speed: Floats
     energy_lost: Floats
-    cut: Bools
+    incomplete: Bools
 
     def select(self, mask: Bools) -> _Impacts:
         """Impacts selected by a mask."""
@@ -234,7 +234,7 @@ def _merge(contacts: _Contacts, begins: Bools) -> _Contacts:
     merged = _Impacts(
         rows.begin[first], rows.end[last], summed(rows.contact_time), summed(rows.contacts).astype(np.int64), *peaks,
         summed(rows.impulse), summed(rows.square), rows.approach_speed[first], rows.separation_speed[last],
-        summed(rows.energy_lost), rows.cut[first],
+        summed(rows.energy_lost), rows.incomplete[first],
     )  # fmt: skip
     forces = tuple(np.concatenate(contacts.forces[i : j + 1]) for i, j in zip(first, last, strict=True))
     return replace(contacts, rows=merged, forces=forces)
@@ -246,9 +246,9 @@ def _impacts(contacts: _Contacts, minimum_rest: float) -> _Impacts:
     rest = np.append(np.inf, begin[1:] - end[:-1])[: begin.size]
     impacts = _merge(contacts, (rest >= minimum_rest) | (minimum_rest == 0.0)).rows
     if contacts.begins_in_contact:
-        impacts.approach_speed[0], impacts.cut[0] = np.nan, True
+        impacts.approach_speed[0], impacts.incomplete[0] = np.nan, True
     if contacts.continues:
-        impacts.separation_speed[-1], impacts.cut[-1] = np.nan, True
+        impacts.separation_speed[-1], impacts.incomplete[-1] = np.nan, True
     return impacts
 
 
@@ -316,7 +316,7 @@ def _statistics(span: tuple[float, float], all_impacts: _Impacts, counted: _Impa
     impulse, square = float(all_impacts.impulse.sum()), float(all_impacts.square.sum())
     return {
         "number": counted.begin.size,
-        "cut": int(counted.cut.sum()),
+        "incomplete": int(counted.incomplete.sum()),
         "below_threshold": all_impacts.begin.size - counted.begin.size,
         "rate_hz": counted.begin.size / duration if duration > 0 else np.nan,
         "contact_share": contact / duration if duration > 0 else np.nan,
@@ -340,7 +340,7 @@ def _statistics(span: tuple[float, float], all_impacts: _Impacts, counted: _Impa
 
 def _restitution(impacts: _Impacts) -> float:
     """Coefficients of restitution of complete impacts."""
-    whole = ~impacts.cut
+    whole = ~impacts.incomplete
     before, after = (float(np.sum(v[whole] ** 2)) for v in (impacts.approach_speed, impacts.separation_speed))
     return float(np.sqrt(after / before)) if before > 0.0 else float("nan")
 

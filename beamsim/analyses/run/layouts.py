@@ -25,7 +25,7 @@ HISTORIES = Layout(
         "probe": Variable(_PROBE, "1", "name of the probe", str),
         "probe_body": Variable(_PROBE, "1", "name of the body", str, optional=True),
         "position": Variable(_PROBE, "m", "position along the beam; the number of the mass in a chain"),
-        "across": Variable(_PROBE, "m", "on a plate position from its bottom edge", optional=True),
+        "position_y": Variable(_PROBE, "m", "on a plate position from its bottom edge", optional=True),
         "displacement": Variable(_PROBE + _TIME, "m", "displacement relative to the base"),
         "absolute_displacement": Variable(_PROBE + _TIME, "m", "absolute displacement"),
         "velocity": Variable(_PROBE + _TIME, "m/s", "velocity relative to the base"),
@@ -39,7 +39,7 @@ HISTORIES = Layout(
             _SNUBBER, "m",
             "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses",
         ),
-        "snubber_across": Variable(_SNUBBER, "m", "on a plate position from its bottom edge", optional=True),
+        "snubber_position_y": Variable(_SNUBBER, "m", "on a plate position from its bottom edge", optional=True),
         "snubber_side": Variable(_SNUBBER, "", "below or above; between two masses approach or separation", str),
         "snubber_stiffness": Variable(
             _SNUBBER, "{force_unit}/{gap_unit}", "stiffness; of a force-deflection table its first slope"
@@ -166,7 +166,7 @@ BODIES = Layout(
         "station": Variable(_STATION, "1", "number of the station", int),
         "station_body": Variable(_STATION, "1", "number of the body, from 0", int, names="bodies/body"),
         "position": Variable(_STATION, "m", "position along the beam, or on the plate from its left edge"),
-        "across": Variable(
+        "position_y": Variable(
             _STATION, "m", "position on the plate from its bottom edge; NaN on a beam", optional=True
         ),
         "peak_bending_stress": Variable(
@@ -312,8 +312,8 @@ IMPACTS = Layout(
         "energy_lost": Variable(
             _IMPACT, "J", "energy lost in the snubber from the beginning of the impact to that of the next"
         ),
-        "cut": Variable(
-            _IMPACT, "1", "whether the impact lasts when the run begins or ends", bool, flags=("whole", "cut")
+        "incomplete": Variable(
+            _IMPACT, "1", "whether the impact lasts when the run begins or ends", bool, flags=("complete", "incomplete")
         ),
         "restitution": Variable(
             _IMPACT, "1", "separation speed over approach speed; NaN where either is unknown or none"
@@ -323,7 +323,7 @@ IMPACTS = Layout(
 )  # fmt: skip
 OF_SNUBBERS = {
     "number": Variable(_SNUBBER, "1", "impacts that are counted", int),
-    "cut": Variable(_SNUBBER, "1", "of them those that last when the run begins or ends", int),
+    "incomplete": Variable(_SNUBBER, "1", "of them those that last when the run begins or ends", int),
     "below_threshold": Variable(
         _SNUBBER, "1", "impacts left out, whose peak force is below the threshold", int
     ),
@@ -393,7 +393,7 @@ FATIGUE = Layout(
     {
         "body": Variable(_BODY, "1", "name of the body", str),
         "position": Variable(_BODY, "m", "where the damage is largest, on a plate its x"),
-        "across": Variable(_BODY, "m", "on a plate its y; NaN on a beam", optional=True),
+        "position_y": Variable(_BODY, "m", "on a plate its y; NaN on a beam", optional=True),
         "component": Variable(
             _BODY, "", "on a plate the component of the stress: x, y or xy", str, optional=True
         ),

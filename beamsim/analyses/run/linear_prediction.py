@@ -344,11 +344,16 @@ def gapping_of_random(system: StructuralSystem) -> SnubberEntries:
         ]
         return min(distance / deviation if deviation > 0 else math.inf for distance, deviation in of_borders)
 
-    def needed(of: Deviations) -> list[float]:
+    def needed(deviations: Deviations) -> list[float]:
         """Contact forces at rest, N; a contact with tension is lost by the force of the spring alone."""
         laws = zip(names, contacts.laws, strict=True)
         return [
-            SIGMAS * (of[name, "force"] if law.one_sided_springs is None else law.stiffness * of[name, "penetration"])
+            SIGMAS
+            * (
+                deviations[name, "force"]
+                if law.one_sided_springs is None
+                else law.stiffness * deviations[name, "penetration"]
+            )
             for name, law in laws
         ]
 

@@ -563,12 +563,12 @@ class ChunkValues:
             segments *= 2
 
     def include(
-        self, chunk: Trajectory, energies: tuple[Floats, EnergyHistory, float], found: dict[Key, Extreme],
+        self, chunk: Trajectory, energies: tuple[Floats, EnergyHistory, float], extremes: dict[Key, Extreme],
         low: LowPassed | None,
     ) -> None:  # fmt: skip
         """Include the values of the next chunk, with its states at new extremes."""
         self.balance.add(*energies)
-        self.extremes = {name: merge_extremes(self.extremes.get(name), each) for name, each in found.items()}
+        self.extremes = {name: merge_extremes(self.extremes.get(name), each) for name, each in extremes.items()}
         self.low_passed = low
         if low is not None and low.extremes is not None:
             self.extremes[ACCELERATION] = low.extremes

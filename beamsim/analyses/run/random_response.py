@@ -562,7 +562,7 @@ def margins_in_test(scenario: Scenario, margins: Margins, random: Dataset | None
     run, found = not_none(scenario.run), dict(margins)
     signals = [] if random is None else random.rows("signal")[1:]
     for name, item in margins.items():
-        if parse_limit(name)[0].of is None:  # root mean squares and densities
+        if parse_limit(name)[0].from_extreme is None:  # root mean squares and densities
             continue
         if run.test_duration is None:
             found[name] = item | {"statistic": REACHED_TEXT}

@@ -121,7 +121,7 @@ _SUMMARY = (
     Entry("linear", "", "whether contact neither begins nor ends and no spring is nonlinear", form=Flag),
     GAPPING,
     BY_ENTRY["gapping_ratio"].summary_entry(),
-    *(value.summary_entry() for value in VALUES if value.of),
+    *(value.summary_entry() for value in VALUES if value.from_extreme),
     Entry("peak_times_s", "s", "by entry (peak_force_n, peak_displacement_m, peak_acceleration_g) and name: when the "
              "peak is reached; of equal peaks any of them", form=dict[str, ByName]),
     Entry("gap_m", "m", "clearance of a snubber, resolved where a preload was given", "snubbers", form=ByName),
@@ -152,7 +152,7 @@ _SUMMARY = (
     Entry("rms_output", "", "its rms over the part of the spectra; energies have none", "outputs", form=ByName),
     Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
     BY_ENTRY["largest_bending_stress_position_m"].summary_entry(),
-    Entry("largest_bending_stress_across_m", "m", "on a plate its y", "bodies"),
+    Entry("largest_bending_stress_y_m", "m", "on a plate its y", "bodies"),
     Entry("largest_bending_stress_body", "", "on which body that is, where there are several", "bodies", form=Text),
     Entry("largest_von_mises_stress_pa", "Pa", "largest von Mises stress at the surface of a plate",
              "bodies"),

@@ -111,7 +111,7 @@ def sensitivities_of(scenario: Scenario, motion: RunMotion) -> tuple[Dataset | N
         return None, ["run.sensitivities are left out: the motion is not complete"]
     trajectory, filtered = whole.with_all_states(), settings.low_pass is not None
     # a filtered peak does not belong to the motion
-    chosen = [v for v in VALUES if v.of is not None and not (filtered and v.key == ACCELERATION)]
+    chosen = [v for v in VALUES if v.from_extreme is not None and not (filtered and v.key == ACCELERATION)]
     numbers = [resolve_parameter(scenario, each) for each in settings.sensitivities]
     along = LocalExtremes(trajectory, _linear(system, chosen))
     plain = with_values(scenario, {("run", "sensitivities"): ()})
@@ -216,13 +216,13 @@ def _derivative_unit(unit: str, number_unit: str) -> str:
 
 
 def _reaches_of_number(
-    found: MotionDerivative, log: Log, misses: Iterable[NearContact], record_ends: Iterable[NearContact], p: int
+    derivative: MotionDerivative, log: Log, misses: Iterable[NearContact], record_ends: Iterable[NearContact], p: int
 ) -> Iterator[Reach]:
     """Changes of a number at which contacts appear in, or disappear from, the motion.
 
     Parameters
     ----------
-    found, log : derivatives along segments.
+    derivative, log : derivatives along segments.
     misses : times of closest approach of open contacts, s, distances, and their derivatives.
     record_ends : ends of the record with a contact about to change, the event function, and its derivatives.
     p : index of the number.
@@ -230,7 +230,7 @@ def _reaches_of_number(
     yield Reach(np.inf, 0.0, "")
     end = float(log.time[-1] + log.length[-1])
     for time, (pace, turn), dt in zip(
-        log.time.tolist(), found.stored.guard_rate.T, found.stored.dt[:, p], strict=False
+        log.time.tolist(), derivative.stored.guard_rate.T, derivative.stored.dt[:, p], strict=False
     ):
         if pace and dt:
             yield Reach(abs(float(pace / (2.0 * turn * dt))) if turn else np.inf, time, GRAZED)
@@ -285,7 +285,7 @@ def _variation_of_number(
     values : values whose channels are needed.
     number : number of the scenario.
     """
-    shared = system.model.shared
+    shared = system.model.builds
     own, step = extremes.outputs, STEP * (abs(float(number.nominal)) or _tolerance(number))
     step /= max(
         1.0, _rotation_between(own.flow, _neighbouring_flow(scenario, own.flow, number, step, shared)[1]) / STEP
@@ -305,7 +305,7 @@ def _variation_of_number(
 
 
 def _neighbouring_flow(
-    scenario: Scenario, flow: ExactFlow, number: VariedParameter, change: float, shared: SharedBuilds
+    scenario: Scenario, flow: ExactFlow, number: VariedParameter, change: float, builds: SharedBuilds
 ) -> tuple[StructuralSystem, ExactFlow]:
     """System for another value of a number, and its flow.
 
@@ -313,7 +313,7 @@ def _neighbouring_flow(
     ----------
     scenario, flow : scenario and flow of the run.
     number, change : number of the scenario, and its change.
-    shared : cache of built systems.
+    builds : cache of built systems.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def _neighbouring_flow(
     """
     try:
         values = dict.fromkeys(number.places, float(number.nominal) + change)
-        built = build_system(with_values(scenario, values).recheck(), shared)
+        built = build_system(with_values(scenario, values).recheck(), builds)
     except ScenarioError as error:
         first = error.problems[0]
         message = f"{number.path} has a neighbouring value that is refused: {first.path} {first.message}"
@@ -360,17 +360,17 @@ def _rotation(own: ReducedModel, other: ReducedModel) -> Floats:
     return np.asarray(left @ right)
 
 
-def _shares(system: StructuralSystem, motion: Trajectory, log: Log, found: MotionDerivative) -> list[Contenders]:
+def _shares(system: StructuralSystem, motion: Trajectory, log: Log, derivative: MotionDerivative) -> list[Contenders]:
     """Time shares in contact of snubbers, with their derivatives.
 
     Parameters
     ----------
     system, motion : system and motion of the run.
     log : cut segments of the motion.
-    found : derivatives along them.
+    derivative : derivatives along them.
     """
     touching = motion.flow.system.contacts.closed(np.array(motion.flow.visited_phases)[log.state]).astype(int)
-    by = -np.diff(touching, axis=0).T @ found.stored.dt[1:-1] / motion.end
+    by = -np.diff(touching, axis=0).T @ derivative.stored.dt[1:-1] / motion.end
     shares, end = motion.contact_share(), np.array([motion.end])
     names = [f"snubbers/{snubber.name}/contact_share" for snubber in system.snubbers]
     return [Contenders(name, "1", 1.0, 0.0, shares[[j]], end, by[[j]]) for j, name in enumerate(names)]

@@ -341,8 +341,8 @@ def _place_of_stress(stress: StressRows, extremes: Extremes, *, several: bool) -
     """Place of the largest bending stress; with the body if there are several."""
     where = int(largest(extremes[STRESS]).argmax())
     place: dict[str, Any] = {"largest_bending_stress_position_m": float(stress.stations.position[where])}
-    if stress.stations.across is not None:
-        place["largest_bending_stress_across_m"] = float(stress.stations.across[where])
+    if stress.stations.position_y is not None:
+        place["largest_bending_stress_y_m"] = float(stress.stations.position_y[where])
     return place | ({"largest_bending_stress_body": stress.bodies[where]} if several else {})
 
 

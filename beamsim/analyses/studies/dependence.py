@@ -57,13 +57,13 @@ class _Regions:
         return np.asarray(sums.T @ sums)
 
 
-def dependence(scatter: Scatter, of: Estimator, numbers: Sequence[VariedParameter]) -> Dataset:
+def dependence(scatter: Scatter, estimator: Estimator, numbers: Sequence[VariedParameter]) -> Dataset:
     """Importance of each number, derivatives of the logarithm of the probability, and what doubles it.
 
     Parameters
     ----------
     scatter : the numbers that scatter.
-    of : an estimator that has found a design point.
+    estimator : an estimator that has found a design point.
     numbers : as they are varied.
 
     Returns
@@ -71,9 +71,13 @@ def dependence(scatter: Scatter, of: Estimator, numbers: Sequence[VariedParamete
     Dataset
         With 95 % intervals where the method has any.
     """
-    assert of.critical is not None
-    critical = of.critical.u[0]
-    found = _dependence_of_samples(scatter, of) if of.failures.weights.size else _beyond_a_plane(scatter, critical, of)
+    assert estimator.critical is not None
+    critical = estimator.critical.u[0]
+    found = (
+        _dependence_of_samples(scatter, estimator)
+        if estimator.failures.weights.size
+        else _beyond_a_plane(scatter, critical, estimator)
+    )
     importance, low, high = found["importance"]
     unit = {"number": [{"unit": number.unit} for number in numbers]}
     sizes = scatter.deviations[:, None]
@@ -88,17 +92,17 @@ def dependence(scatter: Scatter, of: Estimator, numbers: Sequence[VariedParamete
     return RANDOM_NUMBERS.dataset(values, unit)
 
 
-def _dependence_of_samples(scatter: Scatter, of: Estimator) -> dict[str, Floats]:
+def _dependence_of_samples(scatter: Scatter, estimator: Estimator) -> dict[str, Floats]:
     """Dependence from samples beyond the limit, with intervals from their scatter."""
-    failures = of.failures
-    if of.origin.blends[0][0][0]:  # with random processes the mean of what fails stands for the nearest point
+    failures = estimator.failures
+    if estimator.origin.blends[0][0][0]:  # with random processes the mean of what fails stands for the nearest point
         points = (failures.weights @ failures.points.u / failures.weights.sum())[None]
-    elif of.regions.found and of.method != "monte_carlo":
-        points = np.array([region.point for region in of.regions.found])
+    elif estimator.regions.found and estimator.method != "monte_carlo":
+        points = np.array([region.point for region in estimator.regions.found])
     else:
-        points = of.critical.u if of.critical is not None else of.origin.u
+        points = estimator.critical.u if estimator.critical is not None else estimator.origin.u
     one = len(points) == 1
-    region = np.zeros(len(failures.weights), dtype=int) if one else of.regions.nearest(failures.points.u)
+    region = np.zeros(len(failures.weights), dtype=int) if one else estimator.regions.nearest(failures.points.u)
     regions, count = _Regions(points, region, failures), len(scatter.numbers)
     shifts = np.array([regions.slopes(scatter.shift_changes(points, k, STEP)) / STEP for k in range(count)]).T
     widths = np.array([regions.slopes(scatter.width_changes(points, k, STEP)) / STEP for k in range(count)]).T
@@ -154,11 +158,11 @@ def _doubling(ratio: Callable[[float], float], sign: float) -> float:
     return math.nan
 
 
-def _beyond_a_plane(scatter: Scatter, point: Floats, of: Estimator) -> dict[str, Floats]:
+def _beyond_a_plane(scatter: Scatter, point: Floats, estimator: Estimator) -> dict[str, Floats]:
     """Dependence from the half-space beyond the plane tangent to the limit state at a point; no intervals."""
     from scipy.stats import norm
 
-    index, count = float(norm.isf(of.estimate.probability)), len(scatter.numbers)
+    index, count = float(norm.isf(estimator.estimate.probability)), len(scatter.numbers)
     normal, at = point / index, point[None]
 
     def ratio(moves: Floats) -> float:

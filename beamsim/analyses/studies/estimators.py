@@ -167,10 +167,10 @@ class Estimator:
         self.critical = sampling.points_at(sampling.nearest_point(self, self.critical.u[0])[0][None])
 
 
-def monte_carlo(estimator: Estimator, *known: tuple[sampling.Points, Floats]) -> None:
+def monte_carlo(estimator: Estimator, *computed: tuple[sampling.Points, Floats]) -> None:
     """Draw independent samples, in addition to those with known values."""
     terms: list[Floats] = []
-    for points, values in known:
+    for points, values in computed:
         terms.append(estimator.store(points, values, np.full(len(values), 1.0 / len(values))).astype(float))
     while not terms or not estimator.add_round(sampling.average(terms)):
         points = sampling.draw(estimator.generator, estimator.samples, estimator.origin)

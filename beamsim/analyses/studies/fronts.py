@@ -84,11 +84,11 @@ class _Front(NamedTuple):
     ranges: Floats  # (2,) ranges of the objectives on the front
 
 
-def _front_of(known: SolvedPoints) -> _Front:
+def _front_of(solved: SolvedPoints) -> _Front:
     """Designs that meet every limit and that no other one improves in both objectives."""
-    numbers = np.flatnonzero(efficient(known.values.T, known.excess == 0.0))
-    numbers = numbers[np.argsort(known.values[numbers, 0])]
-    return _Front(numbers, known.values[numbers], ranges_of(known, numbers))
+    numbers = np.flatnonzero(efficient(solved.values.T, solved.excess == 0.0))
+    numbers = numbers[np.argsort(solved.values[numbers, 0])]
+    return _Front(numbers, solved.values[numbers], ranges_of(solved, numbers))
 
 
 @dataclass

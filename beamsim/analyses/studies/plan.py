@@ -153,10 +153,10 @@ class Study:
         return "run" if self.analysis == "run" else "sweep"
 
 
-def with_parameters(scenario: Scenario, varied: Iterable[VariedParameter], values: Iterable[Value]) -> Scenario:
+def with_parameters(scenario: Scenario, parameters: Iterable[VariedParameter], values: Iterable[Value]) -> Scenario:
     """Copy of the scenario with values of varied parameters, choices of catalogues before numbers."""
     given = dict[Path, Value]()
-    for parameter, value in zip(varied, values, strict=True):
+    for parameter, value in zip(parameters, values, strict=True):
         scenario = replace_values(scenario, parameter.choices.get(str(value), {}))
         given |= dict.fromkeys(parameter.places, value)
     return with_values(scenario, given)
@@ -410,14 +410,14 @@ def analysis_of(scenario: Scenario) -> str:
 def _plan(
     scenario: Scenario,
     kind: str,
-    varied: tuple[VariedParameter, ...],
+    parameters: tuple[VariedParameter, ...],
     columns: list[list[Value]],
     requested: tuple[str, ...],
     realisations: Realisations,
 ) -> StudyPlan:
-    _refuse_names_of_responses(scenario, varied)
-    places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in varied]
-    case = _case(scenario, varied)
+    _refuse_names_of_responses(scenario, parameters)
+    places = [[parameter.places, sorted(map(str, parameter.choices.items()))] for parameter in parameters]
+    case = _case(scenario, parameters)
     analysis = analysis_of(scenario)
     search = as_plain_data(scenario.vary if kind == "reliability" else scenario.optimise)
     fingerprint = fingerprint_of(
@@ -425,14 +425,14 @@ def _plan(
     )
     rows = list(product(*columns) if kind == "grid" else zip(*columns, strict=True))
     study = Study(
-        analysis, replace_values(case, scenario.whole_paths(case)), varied, realisations, requested, fingerprint
+        analysis, replace_values(case, scenario.whole_paths(case)), parameters, realisations, requested, fingerprint
     )
     most = getattr(scenario.study, "most_cases", len(rows))
     points = tuple(map(len, columns)) if kind == "grid" else ()
     return StudyPlan(scenario, kind, points, study, (), most).with_rows(rows)
 
 
-def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParameter]) -> None:
+def _refuse_names_of_responses(scenario: Scenario, parameters: Iterable[VariedParameter]) -> None:
     """Refuse parameter names that the result uses for responses: all are columns of one table.
 
     Raises
@@ -450,7 +450,7 @@ def _refuse_names_of_responses(scenario: Scenario, varied: Iterable[VariedParame
             f"= {parameter.path} is a name that the result of a study uses itself",
             f"choose another one, for example {parameter.path}_choice",
         )
-        for parameter in varied
+        for parameter in parameters
         if begins_response(parameter.path)
     ]
     if problems:
@@ -463,7 +463,7 @@ def fingerprint_of(scenario: Scenario, *data: Any) -> str:
     return hashlib.sha256(json.dumps([*data, contents], sort_keys=True).encode()).hexdigest()
 
 
-def _case(scenario: Scenario, varied: Sequence[VariedParameter]) -> Scenario:
+def _case(scenario: Scenario, parameters: Sequence[VariedParameter]) -> Scenario:
     """Scenario without unused sections; random inputs with several seeds have random amplitudes by default."""
     unused = ("vary", "optimise", "identify_stiffness", "nnm")
     case = scenario.model_copy(update={**dict.fromkeys(unused), "title": ""}).with_source(scenario.source)
@@ -471,23 +471,26 @@ def _case(scenario: Scenario, varied: Sequence[VariedParameter]) -> Scenario:
         section = getattr(case, name)
         if section is not None and section.convergence is None:
             case = with_values(case, {(name, "convergence"): "off"})
-    return with_random_amplitudes(case, varied)
+    return with_random_amplitudes(case, parameters)
 
 
-def with_random_amplitudes(scenario: Scenario, varied: Iterable[VariedParameter]) -> Scenario:
+def with_random_amplitudes(scenario: Scenario, parameters: Iterable[VariedParameter]) -> Scenario:
     """Scenario with random amplitudes for inputs with a varied seed, unless the scenario defines them."""
     changed = {
         (*place[:-1], "amplitudes"): "random"
-        for place in varied_seeds(varied)
+        for place in varied_seeds(parameters)
         if getattr(value_at(scenario, place[:-1]), "amplitudes", "none of its keys") is None
     }
     return with_values(scenario, changed)
 
 
-def varied_seeds(varied: Iterable[VariedParameter]) -> list[Path]:
+def varied_seeds(parameters: Iterable[VariedParameter]) -> list[Path]:
     """Paths of varied seeds: each seed is another realisation of a random or matched input."""
     return [
-        place for parameter in varied for place in parameter.places if place[0] == "excitation" and place[-1] == "seed"
+        place
+        for parameter in parameters
+        for place in parameter.places
+        if place[0] == "excitation" and place[-1] == "seed"
     ]
 
 
@@ -517,11 +520,11 @@ def listed_values(parameter: VariedParameter) -> list[Value]:
     return [float(v) for v in values]
 
 
-def one_at_a_time(varied: tuple[VariedParameter, ...]) -> list[list[Value]]:
+def one_at_a_time(parameters: tuple[VariedParameter, ...]) -> list[list[Value]]:
     """The unchanged scenario, then each value of every parameter with the others unchanged."""
-    nominal = [int(p.nominal) if p.integers_only and not isinstance(p.nominal, str) else p.nominal for p in varied]
+    nominal = [int(p.nominal) if p.integers_only and not isinstance(p.nominal, str) else p.nominal for p in parameters]
     rows = [nominal]
-    for k, parameter in enumerate(varied):
+    for k, parameter in enumerate(parameters):
         others = [v for v in listed_values(parameter) if not _same_values(v, nominal[k])]
         rows += [[*nominal[:k], value, *nominal[k + 1 :]] for value in others]
     return [list(column) for column in zip(*rows, strict=True)]
@@ -534,13 +537,13 @@ def _same_values(first: Value, second: Value) -> bool:
 
 
 def latin_hypercube(
-    varied: tuple[VariedParameter, ...], samples: int, seed: int, correlations: Sequence[Correlation] = ()
+    parameters: tuple[VariedParameter, ...], samples: int, seed: int, correlations: Sequence[Correlation] = ()
 ) -> list[list[Value]]:
     """A Latin-hypercube sample of the parameters.
 
     Parameters
     ----------
-    varied : parameters with ranges and distributions.
+    parameters : parameters with ranges and distributions.
     samples : number of cases.
     seed : seed of the random numbers.
     correlations : rank correlations of pairs.
@@ -557,8 +560,10 @@ def latin_hypercube(
     """
     from scipy.stats.qmc import LatinHypercube
 
-    cube = LatinHypercube(len(varied), rng=np.random.default_rng(seed)).random(samples)
-    return distributed(varied, _correlate([p.path for p in varied], cube, correlations) if correlations else cube)
+    cube = LatinHypercube(len(parameters), rng=np.random.default_rng(seed)).random(samples)
+    return distributed(
+        parameters, _correlate([p.path for p in parameters], cube, correlations) if correlations else cube
+    )
 
 
 def _correlate(paths: list[str], cube: Floats, correlations: Sequence[Correlation]) -> Floats:
@@ -589,14 +594,14 @@ def mixing(paths: list[str], correlations: Sequence[Correlation]) -> Floats:
         raise ScenarioError.at("vary", message, "state the third one of three, or smaller ones") from None
 
 
-def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
+def sobol(parameters: tuple[VariedParameter, ...], samples: int, seed: int) -> list[list[Value]]:
     """A sample for Sobol' indices: two independent samples A and B, then for each parameter A with its column of B.
 
     Source: A. Saltelli et al., Computer Physics Communications 181 (2010) 259-270.
 
     Parameters
     ----------
-    varied : k parameters with ranges and distributions.
+    parameters : k parameters with ranges and distributions.
     samples : number n of rows of A and of B.
     seed : seed of the random numbers.
 
@@ -607,7 +612,7 @@ def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[
     """
     from scipy.stats.qmc import Sobol
 
-    count = len(varied)
+    count = len(parameters)
     both = Sobol(2 * count, rng=np.random.default_rng(seed)).random(samples)
     a, b = both[:, :count], both[:, count:]
     parts = [a, b]
@@ -615,15 +620,15 @@ def sobol(varied: tuple[VariedParameter, ...], samples: int, seed: int) -> list[
         mixed = a.copy()
         mixed[:, k] = b[:, k]
         parts.append(mixed)
-    return distributed(varied, np.concatenate(parts))
+    return distributed(parameters, np.concatenate(parts))
 
 
-def distributed(varied: tuple[VariedParameter, ...], cube: Floats) -> list[list[Value]]:
+def distributed(parameters: tuple[VariedParameter, ...], cube: Floats) -> list[list[Value]]:
     """Map each column of the unit cube by the inverse distribution of its parameter."""
     from scipy.stats import truncnorm
 
     columns: list[list[Value]] = []
-    for parameter, u in zip(varied, cube.T, strict=True):
+    for parameter, u in zip(parameters, cube.T, strict=True):
         low, high = parameter.low, parameter.high
         if parameter.spacing == "logarithmic":
             values = low * (high / low) ** u

@@ -34,14 +34,14 @@ DIGITS = 4  # of the coordinates, by which a proposal must differ from known des
 
 
 def propose_designs(
-    varied: Sequence[VariedParameter], known: SolvedPoints, front: Ints, count: int, generator: np.random.Generator
+    parameters: Sequence[VariedParameter], solved: SolvedPoints, front: Ints, count: int, generator: np.random.Generator
 ) -> Floats:
     """Propose new designs that improve a front by the model; without a front, those nearest to the limits.
 
     Parameters
     ----------
-    varied : the parameters.
-    known : the solved designs.
+    parameters : the parameters.
+    solved : the solved designs.
     front : (m,) indices of the designs in the front, sorted by the first objective.
     count : largest number of proposals.
     generator : source of all random numbers.
@@ -51,32 +51,34 @@ def propose_designs(
     (n, parameters) array
         Points of the unit cube; fewer than ``count`` if the model predicts no more improvements.
     """
-    usable = np.flatnonzero(np.isfinite(known.values).all(axis=1) & np.isfinite(known.excesses).all(axis=1))
+    usable = np.flatnonzero(np.isfinite(solved.values).all(axis=1) & np.isfinite(solved.excesses).all(axis=1))
     if not usable.size:
-        return generator.random((count, len(varied)))
-    parents = front if front.size else usable[np.argsort(known.excess[usable], kind="stable")[:count]]
-    low, ranges = known.values[parents].min(axis=0), ranges_of(known, parents)
-    scaled = (known.values[usable] - low) / ranges
-    objectives, beyond = np.minimum(scaled, FARTHEST_VALUE), np.minimum(known.excesses[usable], MOST_EXCESS)
+        return generator.random((count, len(parameters)))
+    parents = front if front.size else usable[np.argsort(solved.excess[usable], kind="stable")[:count]]
+    low, ranges = solved.values[parents].min(axis=0), ranges_of(solved, parents)
+    scaled = (solved.values[usable] - low) / ranges
+    objectives, beyond = np.minimum(scaled, FARTHEST_VALUE), np.minimum(solved.excesses[usable], MOST_EXCESS)
     nearest = np.argsort(np.linalg.norm(np.maximum(objectives, 0.0), axis=1) + beyond.max(axis=1, initial=0.0))
     places = np.sort(nearest[:MOST_MODELLED])
     places = np.union1d(places, np.searchsorted(usable, parents))
-    candidates = _unknown_candidates(varied, _designs_near(varied, known.points[parents], generator), known.points)
-    modelled = known.points[usable[places]], np.hstack([objectives, beyond])[places]
-    predicted = _interpolate(varied, modelled, candidates)
+    candidates = _unknown_candidates(
+        parameters, _designs_near(parameters, solved.points[parents], generator), solved.points
+    )
+    modelled = solved.points[usable[places]], np.hstack([objectives, beyond])[places]
+    predicted = _interpolate(parameters, modelled, candidates)
     excess = predicted[:, 2:].max(axis=1, initial=-np.inf)
     if not front.size:
         return np.asarray(candidates[np.argsort(excess, kind="stable")[:count]])
     meets = excess <= -LIMIT_MARGIN
-    gaining = _largest_gains(predicted[meets, :2], (known.values[front] - low) / ranges, count)
+    gaining = _largest_gains(predicted[meets, :2], (solved.values[front] - low) / ranges, count)
     return np.asarray(candidates[meets][gaining])
 
 
-def ranges_of(known: SolvedPoints, front: Ints) -> Floats:
+def ranges_of(solved: SolvedPoints, front: Ints) -> Floats:
     """(2,) ranges of the objectives on a front, or of all designs if it has none; 1 if these have none either."""
-    values = known.values[np.isfinite(known.values).all(axis=1)]
+    values = solved.values[np.isfinite(solved.values).all(axis=1)]
     whole = np.ptp(values, axis=0) if len(values) else np.zeros(2)
-    own = np.ptp(known.values[front], axis=0) if len(front) else np.zeros(2)
+    own = np.ptp(solved.values[front], axis=0) if len(front) else np.zeros(2)
     return np.asarray(np.where(own > 0.0, own, np.where(whole > 0.0, whole, 1.0)))
 
 
@@ -111,21 +113,21 @@ def _largest_gains(predicted: Floats, front: Floats, count: int) -> list[int]:
     return chosen
 
 
-def _interpolate(varied: Sequence[VariedParameter], known: tuple[Floats, Floats], points: Floats) -> Floats:
+def _interpolate(parameters: Sequence[VariedParameter], solved: tuple[Floats, Floats], points: Floats) -> Floats:
     """(n, m) interpolated values at points (n, parameters), from known points and their values (k, m)."""
     from scipy.interpolate import RBFInterpolator
 
-    places, at = np.unique(_coordinates(varied, known[0]), axis=0, return_index=True)
+    places, at = np.unique(_coordinates(parameters, solved[0]), axis=0, return_index=True)
     model = RBFInterpolator(
-        places, known[1][at], kernel="multiquadric", epsilon=SHARPNESS, smoothing=SMOOTHING, degree=0
+        places, solved[1][at], kernel="multiquadric", epsilon=SHARPNESS, smoothing=SMOOTHING, degree=0
     )
-    return np.asarray(model(_coordinates(varied, points)))
+    return np.asarray(model(_coordinates(parameters, points)))
 
 
-def _coordinates(varied: Sequence[VariedParameter], points: Floats) -> Floats:
+def _coordinates(parameters: Sequence[VariedParameter], points: Floats) -> Floats:
     """(n, m) coordinates of designs in the model: one for each number, and one for each value of a list."""
     columns = list[Floats]()
-    for parameter, u in zip(varied, points.T, strict=True):
+    for parameter, u in zip(parameters, points.T, strict=True):
         count = len(parameter.values) or (int(parameter.high - parameter.low) + 1 if parameter.integers_only else 0)
         chosen = np.minimum(np.floor(u * count), count - 1)
         if parameter.values:
@@ -135,16 +137,16 @@ def _coordinates(varied: Sequence[VariedParameter], points: Floats) -> Floats:
     return np.column_stack(columns)
 
 
-def _unknown_candidates(varied: Sequence[VariedParameter], candidates: Floats, points: Floats) -> Floats:
+def _unknown_candidates(parameters: Sequence[VariedParameter], candidates: Floats, points: Floats) -> Floats:
     """Candidates (n, parameters) that are not among known points, each once."""
-    places = np.round(np.vstack([_coordinates(varied, each) for each in (points, candidates)]), DIGITS)
+    places = np.round(np.vstack([_coordinates(parameters, each) for each in (points, candidates)]), DIGITS)
     first = np.unique(places, axis=0, return_index=True)[1]
     return candidates[np.sort(first[first >= len(points)]) - len(points)]
 
 
-def _designs_near(varied: Sequence[VariedParameter], front: Floats, generator: np.random.Generator) -> Floats:
+def _designs_near(parameters: Sequence[VariedParameter], front: Floats, generator: np.random.Generator) -> Floats:
     """(n, parameters) random designs: near the front, on lines through neighbours, with other choices, anywhere."""
-    listed: Bools = np.array([bool(p.values) for p in varied])
+    listed: Bools = np.array([bool(p.values) for p in parameters])
     made = list[Floats]()
     for scale in SCALES:
         about = front[generator.integers(len(front), size=PER_SCALE)]
@@ -158,5 +160,5 @@ def _designs_near(varied: Sequence[VariedParameter], front: Floats, generator: n
         about = np.vstack(made)[generator.integers(len(SCALES) * PER_SCALE, size=2 * PER_SCALE)]
         swapped = listed & (generator.random(about.shape) < CHANGED_CHOICES)
         made.append(np.where(swapped, generator.random(about.shape), about))
-    made.append(generator.random((PER_SCALE, len(varied))))
+    made.append(generator.random((PER_SCALE, len(parameters))))
     return np.clip(np.vstack(made), 0.0, 1.0)

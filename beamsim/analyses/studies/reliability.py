@@ -74,10 +74,10 @@ class Exceedance:
         blended = [[_seed_of(item, k, of) for k, item in enumerate(self.inputs)] for of in points.blends]
         return [(*x, *of) for x, of in zip(self.scatter.values(points.u).tolist(), blended, strict=True)]
 
-    def _report_progress(self, known: Round) -> None:
+    def _report_progress(self, finished: Round) -> None:
         """Report the completed fraction."""
-        needed = (self.target / known.variation) ** 2 if known.variation > 0.0 else 0.0  # 0 if unknown
-        report_progress(self._progress, min(1.0, max(needed, known.histories / self.vary.most_cases)))
+        needed = (self.target / finished.variation) ** 2 if finished.variation > 0.0 else 0.0  # 0 if unknown
+        report_progress(self._progress, min(1.0, max(needed, finished.histories / self.vary.most_cases)))
 
 
 def run_histories(plan: StudyPlan, evaluate: Evaluator, progress: Progress = None) -> Exceedance:

@@ -67,7 +67,7 @@ WORST = record(
      "exceeded": Flag, "statistic": Text, "parameters": Plain, "probability": PROBABILITY, "worst": Text},
 )  # fmt: skip
 _SUMMARY = (
-    Entry("analysis", of="cases/analysis"),
+    Entry("analysis", variable="cases/analysis"),
     Entry("cases", "1", "number of cases"),
     Entry("varied", "", "by parameter its unit, the number of its values, the smallest and the largest, or the words",
              form=by_name(VARIED)),

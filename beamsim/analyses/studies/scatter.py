@@ -68,42 +68,46 @@ class Scatter:
         return self.standard(x) - u
 
 
-def _distribution(asked: RandomParameter, varied: VariedParameter, data: list[float]) -> Any:
+def _distribution(declared: RandomParameter, parameter: VariedParameter, data: list[float]) -> Any:
     """The distribution of a number that scatters, one of OpenTURNS."""
-    ot, mean, deviation = sampling.library(), 0.5 * (varied.low + varied.high), 0.5 * (varied.high - varied.low)
+    ot, mean, deviation = (
+        sampling.library(),
+        0.5 * (parameter.low + parameter.high),
+        0.5 * (parameter.high - parameter.low),
+    )
     if data:
         return ot.KernelSmoothing().build([[x] for x in data])
-    if isinstance(asked, ScatteredParameter) and asked.distribution == "lognormal":
+    if isinstance(declared, ScatteredParameter) and declared.distribution == "lognormal":
         return ot.LogNormalMuSigma(mean, deviation, 0.0).getDistribution()
-    if isinstance(asked, ScatteredParameter):
+    if isinstance(declared, ScatteredParameter):
         return ot.Normal(mean, deviation)
-    if varied.distribution == "normal":
-        return ot.TruncatedNormal(mean, deviation / 3.0, varied.low, varied.high)
-    if varied.spacing == "logarithmic":
-        return ot.LogUniform(math.log(varied.low), math.log(varied.high))
-    return ot.Uniform(varied.low, varied.high)
+    if parameter.distribution == "normal":
+        return ot.TruncatedNormal(mean, deviation / 3.0, parameter.low, parameter.high)
+    if parameter.spacing == "logarithmic":
+        return ot.LogUniform(math.log(parameter.low), math.log(parameter.high))
+    return ot.Uniform(parameter.low, parameter.high)
 
 
-def _data(scenario: Scenario, index: int, asked: RandomParameter, varied: VariedParameter) -> list[float]:
+def _data(scenario: Scenario, index: int, declared: RandomParameter, parameter: VariedParameter) -> list[float]:
     """The measured values of parameter ``index``, in SI units; none where it has another distribution."""
-    if not isinstance(asked, MeasuredParameter) or not isinstance(asked.data, str):
-        return [float(x) for x in varied.values]
+    if not isinstance(declared, MeasuredParameter) or not isinstance(declared.data, str):
+        return [float(x) for x in parameter.values]
     at = ("vary", "parameters", index, "data")
     try:
-        file = scenario.folder_of(*at) / asked.data
+        file = scenario.folder_of(*at) / declared.data
         with reading(file, "a text table"):
-            columns = read_csv(file, asked.decimal)
+            columns = read_csv(file, declared.decimal)
         columns = [replace(each, axis="") for each in columns]  # a first column is no axis of values
-        if asked.column is None:
+        if declared.column is None:
             column = only_column(columns, key=path_text((*at[:-1], "column")))
         else:
-            column = column_named(columns, asked.column)
+            column = column_named(columns, declared.column)
         if column.y.size < LEAST_DATA:
             raise InputFileError(f"has {column.y.size} values", f"measure {LEAST_DATA} or more")
         texts = [f"{x!r} {column.unit}".rstrip() for x in column.y.tolist()]
-        return [float(read_as(scenario, varied.places[0], text, at)) for text in texts]
+        return [float(read_as(scenario, parameter.places[0], text, at)) for text in texts]
     except InputFileError as fault:
-        found = Problem(path_text(at), f"= {asked.data} {fault.message}", fault.remedy)
+        found = Problem(path_text(at), f"= {declared.data} {fault.message}", fault.remedy)
     except InvalidValueError as fault:
         found = fault.problem(())
     raise scenario.located(ScenarioError(found))

@@ -15,20 +15,20 @@ PERCENTILES = (5, 50, 95)
 LARGEST_CHANCE = 0.05  # share of unimodal samples that are split into two populations, at most
 
 
-def statistics(known: Floats) -> dict[str, Any]:
+def statistics(values: Floats) -> dict[str, Any]:
     """Mean, standard deviation, quantiles with 95 % intervals, and the populations if there are several."""
     from scipy.stats import quantile_test
 
     summary: dict[str, Any] = {
-        "mean": float(known.mean()),
-        "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else math.nan,
+        "mean": float(values.mean()),
+        "standard_deviation": float(values.std(ddof=1)) if values.size > 1 else math.nan,
     }
     for percent in PERCENTILES:
-        test: Any = quantile_test(known, p=percent / 100)
+        test: Any = quantile_test(values, p=percent / 100)
         interval = test.confidence_interval(0.95)
-        summary[f"quantile_{percent}_percent"] = float(np.quantile(known, percent / 100))
+        summary[f"quantile_{percent}_percent"] = float(np.quantile(values, percent / 100))
         summary[f"quantile_{percent}_percent_interval"] = [float(interval.low), float(interval.high)]
-    groups = populations(known)
+    groups = populations(values)
     if len(groups) > 1:
         summary["populations"] = [
             {"smallest": float(g[0]), "largest": float(g[-1]), "mean": float(g.mean()), "cases": g.size} for g in groups

@@ -325,14 +325,14 @@ def _margins_of_one(table: StudyTable, case: int) -> dict[str, Any]:
     return {name: _worst_of_limit(alone, name, of) | {"case": case} for name, of in alone.limits.items()}
 
 
-def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str, Any]:
+def _worst_of_limit(table: StudyTable, name: str, columns: LimitColumns) -> dict[str, Any]:
     """Summary of a limit: the verdict on all cases, and the case with the smallest margin and that verdict.
 
     Parameters
     ----------
-    table, name, of : table of the study, name and columns of the limit.
+    table, name, columns : table of the study, name and columns of the limit.
     """
-    verdict, known, margin = of.of_cases(of.verdict), of.of_cases(table.known), table.margins[name]
+    verdict, known, margin = columns.of_cases(columns.verdict), columns.of_cases(table.known), table.margins[name]
     graver = Verdict.EXCEEDED, Verdict.NOT_RELIABLE, Verdict.UNDECIDED
     exceeding, unsure, undecided = with_verdict = [known & (verdict == each) for each in graver]
     judged = next((each for each, cases in zip(graver, with_verdict, strict=True) if cases.any()), Verdict.MET)
@@ -345,13 +345,13 @@ def _worst_of_limit(table: StudyTable, name: str, of: LimitColumns) -> dict[str,
         counts["probability"] = probability((verdict == Verdict.MET)[table.drawn])
     about = {"verdict": judged.value, "exceeded": judged is Verdict.EXCEEDED, **counts}
     among = next((each for each in with_verdict if each.any()), known)
-    computed = of.of_cases(table.fulfils(lambda outcome: not outcome.failed))
+    computed = columns.of_cases(table.fulfils(lambda outcome: not outcome.failed))
     shown = next((each for each in (among & computed, computed, among) if not np.isnan(margin[each]).all()), among)
     sizes = np.where(shown, margin, np.nan)
     if np.isnan(sizes).all():  # no case has a value
         return {**margins_of(table.plan.scenario.limits, {})[name], **about}
     case = int(np.nanargmin(sizes))
-    outcome = table.outcome(case, int(of.deciding[case]))
+    outcome = table.outcome(case, int(columns.deciding[case]))
     found = {**UNKNOWN_MARGIN, **outcome.margins.get(name, {})}
     return {**found, "case": case, "parameters": table.plan.values_in(case), **about}
 

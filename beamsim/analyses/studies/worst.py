@@ -61,10 +61,10 @@ def judges_of(plan: StudyPlan) -> list[Judge]:
     for aim in (aim for aim in objectives(plan.scenario) if aim.terms):
 
         def objective_badness(
-            outcome: CaseOutcome, of: Callable[..., Floats | None] = aim.of, sign: float = aim.sign
+            outcome: CaseOutcome, objective: Callable[..., Floats | None] = aim.of, sign: float = aim.sign
         ) -> float:
             numbers = {name: np.array([x]) for name, x in outcome.values.items() if isinstance(x, float | int)}
-            value = of(numbers)
+            value = objective(numbers)
             return np.nan if value is None else sign * float(value[0])
 
         limited = {judge.name: judge.sign for judge in found}
@@ -239,24 +239,24 @@ class WorstSearch:
 class _Points:
     """Realisations of a case, each solved once."""
 
-    def __init__(self, evaluate: Evaluator, case: int, known: dict[Point, CaseOutcome]) -> None:
-        self.evaluate, self.case, self.known = evaluate, case, known
+    def __init__(self, evaluate: Evaluator, case: int, outcomes: dict[Point, CaseOutcome]) -> None:
+        self.evaluate, self.case, self.outcomes = evaluate, case, outcomes
 
     def solve(self, points: Iterable[Point]) -> bool:
         """Solve the points that are not known; False if the budget ends before."""
-        new = [point for point in dict.fromkeys(points) if point not in self.known]
+        new = [point for point in dict.fromkeys(points) if point not in self.outcomes]
         room = self.evaluate.room
-        self.known |= zip(new, self.evaluate.solve_realisations(self.case, new[:room]), strict=False)
+        self.outcomes |= zip(new, self.evaluate.solve_realisations(self.case, new[:room]), strict=False)
         return len(new) <= room
 
     def badness(self, judge: Judge, point: Point) -> float:
         """Badness of a solved point; unknown values are never the worst."""
-        return float(np.nan_to_num(judge.badness(self.known[point]), nan=-np.inf))
+        return float(np.nan_to_num(judge.badness(self.outcomes[point]), nan=-np.inf))
 
     def worst(self, judge: Judge, away_from: Point | None = None) -> Point | None:
         """Worst solved point, or worst of those far enough from ``away_from``; None without points."""
         far = [
-            point for point in self.known
+            point for point in self.outcomes
             if away_from is None or max(abs(a - b) for a, b in zip(point, away_from, strict=True)) >= START_DISTANCE
         ]  # fmt: skip
         return max(far, key=lambda point: self.badness(judge, point), default=None)
@@ -281,8 +281,8 @@ def _corners(points: _Points, judge: Judge, paths: Sequence[str], changes: Chang
     for response, by in changes.items():
         if any(matches_request(asked, response) for asked in judge.responses) and all(path in by for path in paths):
             yield tuple(1.0 if judge.sign * by[path][1] >= judge.sign * by[path][0] else -1.0 for path in paths)
-    sample = np.array(list(points.known))
-    bad = np.array([points.badness(judge, point) for point in points.known])
+    sample = np.array(list(points.outcomes))
+    bad = np.array([points.badness(judge, point) for point in points.outcomes])
     known = np.isfinite(bad)
     if known.sum() > len(paths):
         design = np.column_stack([np.ones(int(known.sum())), sample[known]])

@@ -311,7 +311,7 @@ def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, lo
         values |= {"snubber": list(levels), "contact_turns": [of.gap_unit == "rad" for of in levels.values()]}
         for name in ("onset", "loss", "preload_needed", "preload_alone"):
             values[f"contact_{name}"] = np.array([getattr(of, name) for of in levels.values()])
-        values["contact_before"] = np.array([of.level_of_other for of in levels.values()])
+        values["contact_valid_below"] = np.array([of.level_of_other for of in levels.values()])
     units = [{"force_unit": of.force_unit} for of in levels.values()]
     excitation = amplitude_unit(system.scenario.sine.quantity or "acceleration")
     return LINEAR.dataset(values, {"snubber": units}, excitation_unit=excitation)

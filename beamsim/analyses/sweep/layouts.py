@@ -351,7 +351,7 @@ LINEAR = Layout(
         "contact_preload_alone": Variable(
             _CONTACT, "1", "the same with the other snubbers as they are at equilibrium"
         ),
-        "contact_before": Variable(
+        "contact_valid_below": Variable(
             _CONTACT, "{excitation_unit}",
             "level at which the linear motion first changes another contact; beyond it the motion is another one",
         ),

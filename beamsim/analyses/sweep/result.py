@@ -158,10 +158,10 @@ class SweepCurve:
         maximum, minimum, rms, mean = statistics
         return CycleValues(arrays[0].unit, maximum, minimum, rms, mean, real + 1j * imaginary)
 
-    def limited_values(self, of: LimitedQuantity) -> CycleValues:
+    def limited_values(self, limit: LimitedQuantity) -> CycleValues:
         """Values that a limit on the level applies to."""
-        quantity = "absolute_acceleration" if of.quantity == "acceleration" else of.quantity or "output"
-        return self.channel(quantity, of.item)
+        quantity = "absolute_acceleration" if limit.quantity == "acceleration" else limit.quantity or "output"
+        return self.channel(quantity, limit.item)
 
     def response(self, probe: str) -> Floats:
         """(C,) largest distance of a probe from static equilibrium, m."""
@@ -292,7 +292,7 @@ def curves_of(tables: Mapping[str, Dataset]) -> dict[str, SweepCurve]:
 
 def contact_levels_of(linear: Dataset) -> dict[str, ContactLevels]:
     """Levels at which the linear motion makes or loses contact, by snubber."""
-    columns = [f"contact_{name}" for name in ("onset", "loss", "preload_needed", "preload_alone", "before")]
+    columns = [f"contact_{name}" for name in ("onset", "loss", "preload_needed", "preload_alone", "valid_below")]
     units = {name: "rad" if of.item() else "m" for name, of in linear.by_label("contact_turns").items()}
     return {
         name: ContactLevels(*(linear[column].sel(snubber=name).values for column in columns), gap_unit=unit)

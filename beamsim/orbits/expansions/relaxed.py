@@ -28,9 +28,9 @@ class RelaxedStep:
     shape: Floats  # (n,)
     period: float  # s
     functional: float
-    passages: int  # motions computed for this step
+    motions: int  # motions computed for this step
     processor_time_s: float
-    reached: bool  # whether the functional fell below the tolerance
+    converged: bool  # whether the functional fell below the tolerance
     stalled: bool  # whether the optimiser ended by itself before that, its iterations not used up
 
 
@@ -61,7 +61,7 @@ def relaxed_path(
     weight = np.append(np.sqrt(2 * orbits.energy) / omega, start[-2])
     x = start[: n + 1] / weight
     for factor in factors.tolist():
-        begin, earlier = processor_time(), orbits.family.passages
+        begin, earlier = processor_time(), orbits.family.motions_computed
         bounds = [(None, None)] * n + [(SHORTEST * float(x[n]), LONGEST * float(x[n]))]
         value, remaining, stalls = np.inf, iterations, 0
         # 3: restarts of the optimiser, forgetting its curvature, that gained nothing: it is at a minimum
@@ -76,7 +76,7 @@ def relaxed_path(
             stalls += done.fun > 0.99 * value
             value = float(done.fun)
         yield RelaxedStep(
-            factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, orbits.family.passages - earlier,
+            factor, x[:n] * weight[:n], float(x[n] * weight[n]), value, orbits.family.motions_computed - earlier,
             processor_time() - begin, value <= tolerance, remaining > 0,
         )  # fmt: skip
 

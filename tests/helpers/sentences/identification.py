@@ -50,7 +50,7 @@ def _found_value(facts, found, name, text):
         )
         yield from differs(facts, text, of["value"], unit, digits=digits)
     elif found[0] == "before":
-        yield from differs(facts, text, of["before"], unit)
+        yield from differs(facts, text, of["initial_value"], unit)
     elif found[0] == "±":
         yield from differs(facts, text, of["standard_deviation"], unit, digits=2)
     else:

@@ -19,7 +19,7 @@ def _stress(facts, found):
     yield from cell(facts, found[1] + found[2], s["largest_bending_stress_pa"], "Pa", ("largest_bending_stress_pa", ""))
     yield from differs(facts, _metres(found[4]), s["largest_bending_stress_position_m"], "m")
     if found[5]:
-        yield from differs(facts, _metres(found[5]), s["largest_bending_stress_across_m"], "m")
+        yield from differs(facts, _metres(found[5]), s["largest_bending_stress_y_m"], "m")
     if found[3] and found[3] != s["largest_bending_stress_body"]:
         yield f"it is in {s['largest_bending_stress_body']}"
     stress = facts.data["bodies/peak_bending_stress"]
