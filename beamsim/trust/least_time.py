@@ -129,7 +129,7 @@ def _least_of_cases(plan: StudyPlan) -> LeastTime | None:
     """Least time of all cases, estimated from some if their counts differ; None if unknown."""
     least = least_time_of_run if plan.study.analysis == "run" else least_time_of_sweep
     tolerated = [parameter.parameter for parameter in plan.study.realisations.parameters]
-    if not any(_varies_counts(parameter) for parameter in (*plan.study.varied, *tolerated)):
+    if not any(_varies_counts(parameter) for parameter in (*plan.study.parameters, *tolerated)):
         return least(plan.study.case)
     if plan.searches:
         return None

@@ -64,7 +64,7 @@ def test_proposals_lie_on_the_front_that_the_model_knows():
     """Of a smooth function that is known at 60 designs; none is proposed twice, nor what is known."""
     varied = plan_designs(
         beamsim.load_scenario(CASE | {"optimise": {"minimise": [FORCE, DEPTH], "parameters": RANGES}})
-    ).study.varied
+    ).study.parameters
     generator = np.random.default_rng(1)
     points = generator.random((60, 2))
     values = np.array(parabola(*points.T)).T

@@ -105,7 +105,7 @@ class Designs:
         self.known: dict[tuple[Value, ...], tuple[Floats, Floats]] = {}  # (objectives,), (limits,)
         self.points: dict[tuple[Value, ...], Floats] = {}  # points of the unit cube
         self._every: SolvedPoints | None = None  # None after a new design
-        self.free: Bools = np.array([not (p.values or p.integers_only) for p in plan.study.varied])  # real numbers
+        self.free: Bools = np.array([not (p.values or p.integers_only) for p in plan.study.parameters])  # real numbers
 
     def __call__(self, cube: Floats) -> tuple[Floats, Floats]:
         """Objectives (objectives, n) and excesses of the limits (n,) at points (n, parameters) of the unit cube."""
@@ -114,7 +114,7 @@ class Designs:
 
     def objectives_and_excesses(self, cube: Floats) -> tuple[Floats, Floats]:
         """Objectives (objectives, n) and relative excess of each limit (limits, n), negative if met."""
-        rows = list(zip(*distributed(self.plan.study.varied, cube), strict=True))
+        rows = list(zip(*distributed(self.plan.study.parameters, cube), strict=True))
         self.points |= {row: point for row, point in zip(rows, cube, strict=True) if row not in self.known}
         new = [row for row in dict.fromkeys(rows) if row not in self.known]
         if new:
@@ -137,7 +137,7 @@ class Designs:
         further : function from the index of a case to its further realisations.
         """
         self(point[None])
-        row = tuple(column[0] for column in distributed(self.plan.study.varied, point[None]))
+        row = tuple(column[0] for column in distributed(self.plan.study.parameters, point[None]))
         case, count = self.evaluate.rows.index(row), self.plan.study.realisations.count
         sample = [self.evaluate.outcomes[case * count + r] for r in range(count)]
         values, beyond = costs(self.plan, [*sample, *(replace(outcome, within=0) for outcome in further(case))])
@@ -160,7 +160,7 @@ class Designs:
     def exhausted(self) -> bool:
         """True if all designs have been tried."""
         counts = [
-            len(p.values) or (p.high - p.low + 1.0 if p.integers_only else np.inf) for p in self.plan.study.varied
+            len(p.values) or (p.high - p.low + 1.0 if p.integers_only else np.inf) for p in self.plan.study.parameters
         ]
         return len(self.points) >= float(np.prod(counts))
 

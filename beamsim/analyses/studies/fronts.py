@@ -126,16 +126,16 @@ class _FrontSearch:
         """
         from scipy.stats.qmc import LatinHypercube
 
-        generator, varied = self.generator, self.designs.plan.study.varied
+        generator, parameters = self.generator, self.designs.plan.study.parameters
         levels = [
-            (np.arange(len(p.values)) + 0.5) / len(p.values) if p.values else np.array([0.0, 1.0]) for p in varied
+            (np.arange(len(p.values)) + 0.5) / len(p.values) if p.values else np.array([0.0, 1.0]) for p in parameters
         ]
         most = max(round(SAMPLE_SHARE * self.most_cases), 12)
         if np.prod([float(each.size) for each in levels]) <= most // 2:
             ends = np.array(list(product(*levels)))
         else:
             ends = np.column_stack([generator.choice(each, most // 2) for each in levels])
-        within = LatinHypercube(len(varied), rng=generator).random(most - len(ends))
+        within = LatinHypercube(len(parameters), rng=generator).random(most - len(ends))
         self.designs(np.vstack([ends, within]))
 
     def approach(self, goal: int, most_cases: int) -> None:
@@ -152,10 +152,10 @@ class _FrontSearch:
 
     def propose(self, last: int) -> None:
         """Solve batches of proposals from a model of the known designs, up to a number of designs."""
-        varied = self.designs.plan.study.varied
+        parameters = self.designs.plan.study.parameters
         while (room := min(last, self.most_cases) - self.designs.design_count) > 0:
             found = propose_designs(
-                varied, self.designs.all_designs, self.front.numbers, min(BATCH, room), self.generator
+                parameters, self.designs.all_designs, self.front.numbers, min(BATCH, room), self.generator
             )
             if not len(found):
                 return

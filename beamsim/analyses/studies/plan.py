@@ -132,14 +132,14 @@ class Study:
 
     analysis: str
     case: Scenario  # as written
-    varied: tuple[VariedParameter, ...]
+    parameters: tuple[VariedParameter, ...]
     realisations: Realisations
     requested: tuple[str, ...]  # responses; empty for all
     fingerprint: str
 
     def scenario(self, case: Case) -> Scenario:
         """Scenario of a case; raises a ScenarioError if it is invalid."""
-        scenario = with_parameters(self.case, self.varied, case.values)
+        scenario = with_parameters(self.case, self.parameters, case.values)
         if case.realisation or case.deviations:
             deviations = case.deviations or self.realisations.deviations[case.realisation].tolist()
             scenario = with_values(scenario, self.realisations.values(scenario, deviations))
@@ -212,12 +212,12 @@ class StudyPlan:
     def parameters(self) -> tuple[ParameterColumn, ...]:
         """Varied parameters with their values in every case."""
         rows = [case.values for case in self.cases if not case.realisation]
-        return tuple(_column(parameter, [row[k] for row in rows]) for k, parameter in enumerate(self.study.varied))
+        return tuple(_column(parameter, [row[k] for row in rows]) for k, parameter in enumerate(self.study.parameters))
 
     def values_in(self, case: int) -> dict[str, Value]:
         """Values of the varied parameters in a case, by path."""
         values = self.cases[case * self.study.realisations.count].values
-        return dict(zip((parameter.path for parameter in self.study.varied), values, strict=True))
+        return dict(zip((parameter.path for parameter in self.study.parameters), values, strict=True))
 
     @property
     def fingerprint(self) -> str:

@@ -108,7 +108,7 @@ def with_probability(result: StudyResult, histories: Exceedance) -> StudyResult:
         entry |= {"design_point": dict(zip(result["cases"].labels("parameter"), row, strict=True))}
         entry |= {"distance": float(np.linalg.norm(critical.u))} if not histories.noise else {}
         if histories.scatter.numbers and of.estimate.probability > 0.0:
-            numbers = histories.plan.study.varied[: len(histories.scatter.numbers)]
+            numbers = histories.plan.study.parameters[: len(histories.scatter.numbers)]
             dataset = dependence(histories.scatter, of, numbers)
             datasets["random_numbers"] = dataset
             warnings += tuple(

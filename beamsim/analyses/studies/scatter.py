@@ -32,7 +32,7 @@ class Scatter:
     """The numbers that scatter, as functions of independent standard normal variables."""
 
     def __init__(self, plan: StudyPlan, vary: Reliability) -> None:
-        numbers = plan.study.varied[: len(vary.parameters)]
+        numbers = plan.study.parameters[: len(vary.parameters)]
         pairs = enumerate(zip(vary.parameters, numbers, strict=True))
         self.data = [_data(plan.scenario, k, *pair) for k, pair in pairs]
         self.numbers = [_distribution(*of) for of in zip(vary.parameters, numbers, self.data, strict=True)]

@@ -76,8 +76,8 @@ def _best(designs: Designs, settings: Optimise, limited: bool) -> Outcome:
     """
     from scipy.optimize import Bounds, NonlinearConstraint, differential_evolution, minimize
 
-    varied = designs.plan.study.varied
-    count = len(varied)
+    parameters = designs.plan.study.parameters
+    count = len(parameters)
     size = max(8, -(-16 // count))
     generations = max(1, int(EVOLUTION_SHARE * settings.most_cases / (size * count)) - 1)
 

@@ -306,7 +306,7 @@ def _at_end(table: StudyTable, parameter: ParameterColumn, case: int) -> bool:
     """True if a number of a case is at an end of its range."""
     if not parameter.numeric:
         return False
-    low, high = next((p.low, p.high) for p in table.plan.study.varied if p.path == parameter.path)
+    low, high = next((p.low, p.high) for p in table.plan.study.parameters if p.path == parameter.path)
     if not np.isfinite([low, high]).all():  # a list of values has no range
         return False
     return bool(np.isclose(parameter.values[case], (low, high), rtol=1e-9, atol=1e-9 * (high - low)).any())
@@ -498,7 +498,7 @@ def _worst_search_notes(table: StudyTable, searches: Mapping[int, bool]) -> Iter
 
 def _seed_notes(plan: StudyPlan) -> list[str]:
     """Note on the scatter between the seeds of a random input."""
-    inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.varied)]
+    inputs = [value_at(plan.study.case, place[:-1]) for place in varied_seeds(plan.study.parameters)]
     amplitudes = {each.amplitudes for each in inputs if hasattr(each, "amplitudes")}  # random inputs only
     if not amplitudes:
         return []
