@@ -82,12 +82,12 @@ class ContactState:
         -------
         ContactState
         """
-        of, modes = equations.equations, None if neighbour is None else _modes_from_neighbour(neighbour, equations)
+        eq, modes = equations.equations, None if neighbour is None else _modes_from_neighbour(neighbour, equations)
         if modes is None:
             modes = _solved_modes(equations, longest_window)
-        if of.contacts.internal_states and not of.contacts.couples_states(equations.phases):
-            alone = block_diagonalise(equations.internal_rates[:, of.internal], longest_window)
-            modes = modes.join(alone.transform(np.eye(of.states)[:, of.internal], np.eye(of.states)[of.internal]))
+        if eq.contacts.internal_states and not eq.contacts.couples_states(equations.phases):
+            internal = block_diagonalise(equations.internal_rates[:, eq.internal], longest_window)
+            modes = modes.join(internal.transform(np.eye(eq.states)[:, eq.internal], np.eye(eq.states)[eq.internal]))
         right, left, lam = modes.simple
         upper = np.flatnonzero(lam.imag >= 0.0)
         modes = BlockForm(SimpleModes(right[:, upper], left[upper], lam[upper]), modes.blocks)
@@ -109,9 +109,9 @@ class ContactState:
         forced, F = responses(drive, sources), sources.power.size
         if forced.shape[1] == 1 and self.exponential and self.term_basis.size == F + self.projector.shape[0]:
             exponent, vectors = self.exponent.copy(), self.term_vector.copy()
-            own = np.append(sources.exponent, exponent[self.term_basis[F:]])  # of the terms
+            expected = np.append(sources.exponent, exponent[self.term_basis[F:]])  # of the terms
             exponent[self.term_basis[:F]], vectors[:F] = sources.exponent, forced[:, 0]
-            if np.array_equal(exponent[self.term_basis], own):  # the same terms share functions
+            if np.array_equal(exponent[self.term_basis], expected):  # the same terms share functions
                 at_start = forced[:, 0]
                 return replace(self, exponent=exponent, term_vector=vectors, forced_at_start=at_start, drive=drive)
         return replace(_tables_of_state(self.equations, self.modes, self.horizon, sources, forced), drive=drive)
@@ -129,28 +129,28 @@ class ContactState:
         (T, k).
         """
         table = np.empty((self.term_vector.shape[0], rows.shape[0]), dtype=complex)
-        of = self.equations.equations
-        states, inputs, slopes = rows[:, : of.states], rows[:, of.inputs], rows[:, of.slopes]
+        eq = self.equations.equations
+        states, inputs, slopes = rows[:, : eq.states], rows[:, eq.inputs], rows[:, eq.slopes]
         table.real, table.imag = self.term_vector.real @ states.T, self.term_vector.imag @ states.T
-        driven, lowered = self.terms_of_sources
-        table[driven] += (inputs + sources.exponent * slopes).T
+        direct, lower = self.terms_of_sources
+        table[direct] += (inputs + sources.exponent * slopes).T
         if sources.power.any():
-            rising = sources.power > 0
-            table[lowered[rising]] += (sources.power * slopes)[:, rising].T
+            powers = sources.power > 0
+            table[lower[powers]] += (sources.power * slopes)[:, powers].T
         return table
 
     def terms_after(self, zeta: Complexes, tau: Floats) -> Complexes:
         """(n, T) terms at times tau (n,) after those at which the amplitudes are zeta (n, F + Z)."""
-        every = np.arange(self.exponent.size)
-        functions = self.exponentials_after(tau, every)
+        index = np.arange(self.exponent.size)
+        functions = self.exponentials_after(tau, index)
         if not self.exponential:
-            functions *= self.powers_after(tau, every)
+            functions *= self.powers_after(tau, index)
         return zeta.take(self.term_source, axis=1) * functions.take(self.term_basis, axis=1)
 
     def exponentials_after(self, tau: Floats, functions: Ints) -> Complexes:
         """(n, b) exponentials of some of the functions ``tau^power e^(exponent tau)`` at times tau (n,)."""
-        turned = np.multiply.outer(tau, self.exponent[functions])
-        return np.exp(np.where(turned.real < GROWTH, turned, 0.0))
+        power = np.multiply.outer(tau, self.exponent[functions])
+        return np.exp(np.where(power.real < GROWTH, power, 0.0))
 
     def powers_after(self, tau: Floats, functions: Ints) -> Floats:
         """(n, b) powers of some of the functions at times tau (n,)."""
@@ -163,9 +163,9 @@ class ContactState:
 
     def amplitude_noise(self, input_amplitudes: Complexes, y: Floats) -> Floats:
         """(n, F + Z) round-off of the amplitudes; zero for the inputs, see `amplitudes`."""
-        parts = np.abs(y) + np.abs(input_amplitudes) @ np.abs(self.forced_at_start)
-        of_free = np.finfo(float).eps * parts @ np.abs(self.projector.T)
-        return np.concatenate([np.zeros(input_amplitudes.shape), of_free], axis=1)
+        sizes = np.abs(y) + np.abs(input_amplitudes) @ np.abs(self.forced_at_start)
+        noise = np.finfo(float).eps * sizes @ np.abs(self.projector.T)
+        return np.concatenate([np.zeros(input_amplitudes.shape), noise], axis=1)
 
     def roundoff_scale(self, rows: Floats, coefficients: Complexes) -> Floats:
         """(T, k) bound on the summands of each term's coefficient before they cancel, for outputs with rows (k, V).
@@ -186,23 +186,23 @@ def _tables_of_state(
 ) -> ContactState:
     """The tables of a contact state: the responses (F, D, N) to the sources, and the free motion."""
     (X, Xi, lam), F, rising = modes.simple, sources.power.size, np.flatnonzero(sources.power)
-    every = np.arange(F)
+    index = np.arange(F)
     exists: Bools = np.asarray(input_responses.any(axis=2))
-    exists[every, sources.power] = exists[rising, sources.power[rising] - 1] = True
+    exists[index, sources.power] = exists[rising, sources.power[rising] - 1] = True
     (of_source, power), basis = exists.nonzero(), dict[tuple[complex, int], int]()
     keys = [*zip(sources.exponent[of_source].tolist(), power.tolist(), strict=True), *((x, 0) for x in lam.tolist())]
     term_basis = [basis.setdefault(key, len(basis)) for key in keys]
     term_source = [*of_source.tolist(), *range(F, F + lam.size)]
     vectors = [input_responses[of_source, power], X.T * np.where(lam.imag > 0.0, 2.0, 1.0)[:, None]]
     window = min(horizon, float(sources.longest_piece.max()))
-    for key, source, of_terms in _terms_of_blocks(modes.blocks, F + lam.size, window) if modes.blocks else ():
+    for key, source, rows in _terms_of_blocks(modes.blocks, F + lam.size, window) if modes.blocks else ():
         term_basis += [basis.setdefault(key, len(basis))] * source.size
         term_source += source.tolist()
-        vectors.append(of_terms)
+        vectors.append(rows)
     number = np.cumsum(exists).reshape(exists.shape) - 1  # of the terms of sources
-    lowered = np.full(F, -1)
-    lowered[rising] = number[rising, sources.power[rising] - 1]
-    driven = number[every, sources.power]
+    lower = np.full(F, -1)
+    lower[rising] = number[rising, sources.power[rising] - 1]
+    direct = number[index, sources.power]
     exponent, powers = zip(*basis, strict=True)
     return ContactState(
         equations, equations.phases, modes, horizon,
@@ -213,8 +213,8 @@ def _tables_of_state(
         term_basis=np.array(term_basis, dtype=np.int64),
         term_source=np.array(term_source, dtype=np.int64),
         term_vector=np.concatenate(vectors),
-        basis_of_source=np.array(term_basis, dtype=np.int64)[driven],
-        terms_of_sources=(driven, lowered),
+        basis_of_source=np.array(term_basis, dtype=np.int64)[direct],
+        terms_of_sources=(direct, lower),
         forced_at_start=np.ascontiguousarray(input_responses[:, 0]),
     )  # fmt: skip
 
@@ -232,8 +232,8 @@ def _terms_of_blocks(
     """
     for block in blocks:
         for p, matrix in enumerate(_series(block, window)):
-            some = np.flatnonzero(matrix.any(axis=0))
-            yield (block.centre, p), first + some, block.weight * (block.right @ matrix[:, some]).T
+            used = np.flatnonzero(matrix.any(axis=0))
+            yield (block.centre, p), first + used, block.weight * (block.right @ matrix[:, used]).T
         first += block.matrix.shape[0]
 
 
@@ -249,14 +249,14 @@ class Drive(NamedTuple):
     @classmethod
     def of(cls, equations: StateEquations, modes: BlockForm, horizon: float) -> Drive:
         """From the modes of a contact state, of which each conjugate pair is given by one mode."""
-        (right, left, lam), of = modes.simple, equations.equations
+        (right, left, lam), eq = modes.simple, equations.equations
         pair = np.flatnonzero(lam.imag > 0.0)
-        both = SimpleModes(
+        pairs = SimpleModes(
             np.hstack([right, right[:, pair].conj()]), np.vstack([left, left[pair].conj()]),
             np.append(lam, lam[pair].conj()),
         )  # fmt: skip
         rates = equations.rates
-        return cls(equations, BlockForm(both, modes.blocks), horizon, rates[:, of.inputs].T, rates[:, of.slopes].T)
+        return cls(equations, BlockForm(pairs, modes.blocks), horizon, rates[:, eq.inputs].T, rates[:, eq.slopes].T)
 
 
 def responses(drive: Drive, sources: Sources) -> Complexes:
@@ -286,17 +286,17 @@ def responses(drive: Drive, sources: Sources) -> Complexes:
 
 def _driving_in_powers(by_inputs: Complexes, by_slopes: Floats, power: Ints) -> Complexes:
     """(F, degree + 1, N) polynomial coefficients of the loads on the states, for sources with powers of time."""
-    every, rising = np.arange(power.size), np.flatnonzero(power)
+    index, rising = np.arange(power.size), np.flatnonzero(power)
     driving = np.zeros((power.size, power.max() + 1, by_inputs.shape[1]), dtype=complex)
-    driving[every, power], driving[rising, power[rising] - 1] = by_inputs, (power[:, None] * by_slopes)[rising]
+    driving[index, power], driving[rising, power[rising] - 1] = by_inputs, (power[:, None] * by_slopes)[rising]
     return driving
 
 
-def _sum_of_polynomials(left: Complexes, right: Complexes) -> Complexes:
+def _sum_of_polynomials(first: Complexes, second: Complexes) -> Complexes:
     """(F, D, N) sum of two polynomials in time of different degree."""
-    total = np.zeros((left.shape[0], max(left.shape[1], right.shape[1]), left.shape[2]), dtype=complex)
-    total[:, : left.shape[1]] = left
-    total[:, : right.shape[1]] += right
+    total = np.zeros((first.shape[0], max(first.shape[1], second.shape[1]), first.shape[2]), dtype=complex)
+    total[:, : first.shape[1]] = first
+    total[:, : second.shape[1]] += second
     return total
 
 
@@ -348,14 +348,14 @@ def _with_series(
     )
     series: list[tuple[int, int, Complexes]] = []  # input, power of time, factor
     for a in range(acting.size) if modes.blocks else np.flatnonzero(near_exponent.any(axis=1)).tolist():
-        f, some = int(acting[a]), near_exponent[a] & beta[a].any(axis=0)
+        f, close = int(acting[a]), near_exponent[a] & beta[a].any(axis=0)
         nu, load = complex(sources.exponent[f]), polynomial[f, : int(sources.power[f]) + 1]
-        if some.any():
-            driven = _power_series(np.diag(lam[some] - nu), beta[a, : load.shape[0], some], float(window[a]))
-            series += [(f, power, X[:, some] @ v) for power, v in driven]
+        if close.any():
+            terms = _power_series(np.diag(lam[close] - nu), beta[a, : load.shape[0], close], float(window[a]))
+            series += [(f, power, X[:, close] @ v) for power, v in terms]
         for block in modes.blocks:
-            of_block = _response_of_block(block, load, nu, float(window[a]), float(limit[a]))
-            series += [(f, power, vector) for power, vector in of_block]
+            answer = _response_of_block(block, load, nu, float(window[a]), float(limit[a]))
+            series += [(f, power, vector) for power, vector in answer]
     powers = 1 + max((power for _, power, _ in series), default=0)
     factors = np.pad(factors, ((0, 0), (0, max(0, powers - factors.shape[1])), (0, 0))) if series else factors
     for f, power, vector in series:
@@ -365,11 +365,11 @@ def _with_series(
 
 def _modes_from_neighbour(nearest: ContactState, equations: StateEquations) -> BlockForm | None:
     """The modes of a contact state from those of a state that differs in few phases; None if that is not exact."""
-    of = equations.equations
-    neighbour = neighbouring_modes(of.system, nearest.modes.simple, nearest.phases, equations.phases)
+    eq = equations.equations
+    neighbour = neighbouring_modes(eq.system, nearest.modes.simple, nearest.phases, equations.phases)
     if neighbour is None:
         return None
-    modes, n, N = BlockForm(neighbour, []), of.system.size, of.states
+    modes, n, N = BlockForm(neighbour, []), eq.system.size, eq.states
     return modes if 2 * n == N else modes.transform(np.eye(N, 2 * n), np.eye(2 * n, N))
 
 
@@ -396,25 +396,25 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
     system, contacts, phases = equations.equations.system, equations.equations.contacts, equations.phases
     n, N = system.size, equations.equations.states
     k, c = equations.factors[:, [PENETRATION, RATE]].T
-    which, crossed = np.flatnonzero((k != 0.0) | (c != 0.0)), contacts.presses(phases)
-    shape = contacts.shape[which]
-    along = contacts.sign[which, None] * equations.push[which] if crossed else shape
-    acting = _ActiveContacts(shape, k[which], c[which], along, which, crossed)
-    across = equations.stuck_directions if equations.stuck_directions.shape[1] else None
-    undamped = _undamped_modes(system, acting, across)
-    if crossed or contacts.couples_states(phases):
-        return _general_modes(equations, acting, undamped, window, across)
+    active, pressed = np.flatnonzero((k != 0.0) | (c != 0.0)), contacts.presses(phases)
+    shape = contacts.shape[active]
+    pushes = contacts.sign[active, None] * equations.push[active] if pressed else shape
+    acting = _ActiveContacts(shape, k[active], c[active], pushes, active, pressed)
+    fixed = equations.stuck_directions if equations.stuck_directions.shape[1] else None
+    undamped = _undamped_modes(system, acting, fixed)
+    if pressed or contacts.couples_states(phases):
+        return _general_modes(equations, acting, undamped, window, fixed)
     omega2, psi, extension, d = undamped
-    off = np.abs(d - np.diag(np.diag(d)))
-    coupled = off.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
-    free, together = np.flatnonzero(~coupled), np.flatnonzero(coupled)
+    rest = np.abs(d - np.diag(np.diag(d)))
+    coupled = rest.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
+    free, mixed = np.flatnonzero(~coupled), np.flatnonzero(coupled)
     modes = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     if 2 * n < N:
         modes = modes.transform(np.eye(N, 2 * n), np.eye(2 * n, N))
-    if together.size:
-        some = _UndampedModes(omega2[together], psi[:, together], extension[:, together], d[np.ix_(together, together)])
-        modes = modes.join(_coupled_modes(some, N, window))
-    return modes if across is None else _joined_with_rest(modes, equations, acting, (omega2, psi), across)
+    if mixed.size:
+        part = _UndampedModes(omega2[mixed], psi[:, mixed], extension[:, mixed], d[np.ix_(mixed, mixed)])
+        modes = modes.join(_coupled_modes(part, N, window))
+    return modes if fixed is None else _joined_with_rest(modes, equations, acting, (omega2, psi), fixed)
 
 
 def _joined_with_rest(
@@ -436,16 +436,14 @@ def _joined_with_rest(
     """
     system, (omega2, psi) = equations.equations.system, undamped
     n, N = system.size, equations.equations.states
-    pushed = system.stiffness[:, None] * constrained + (active.shape.T * active.stiffness) @ (
-        active.shape @ constrained
-    )
+    load = system.stiffness[:, None] * constrained + (active.shape.T * active.stiffness) @ (active.shape @ constrained)
     compliance = np.divide(1.0, omega2, out=np.zeros_like(omega2), where=omega2 > 0.0)
-    moved = (psi * compliance) @ (psi.T @ pushed)
-    about, rest = np.eye(N), np.eye(N, n) @ constrained
-    about[:n, :n] += moved @ constrained.T
-    right, left = np.eye(N, n) @ (constrained - moved), rest.T
+    reply = (psi * compliance) @ (psi.T @ load)
+    change, fixed = np.eye(N), np.eye(N, n) @ constrained
+    change[:n, :n] += reply @ constrained.T
+    right, left = np.eye(N, n) @ (constrained - reply), fixed.T
     at_rest = SimpleModes(right.astype(complex), left.astype(complex), np.zeros(constrained.shape[1], complex))
-    return modes.transform(np.eye(N), about).join(BlockForm(at_rest, []))
+    return modes.transform(np.eye(N), change).join(BlockForm(at_rest, []))
 
 
 class _FirstOrder(NamedTuple):
@@ -481,8 +479,8 @@ def _inverse_of_rates(undamped: _UndampedModes, scale: Floats) -> Floats:
 def _coupled_modes(undamped: _UndampedModes, states: int, window: float) -> BlockForm:
     """Modes that damping couples, in a state vector of so many states, for times up to the window, s."""
     scale, A, out, back = _FirstOrder.of(undamped, states)
-    known = partial(_inverse_of_rates, undamped, scale) if undamped.omega_squared.min() > 0.0 else None
-    return block_diagonalise(A, window, known).transform(out, back)
+    inverse = partial(_inverse_of_rates, undamped, scale) if undamped.omega_squared.min() > 0.0 else None
+    return block_diagonalise(A, window, inverse).transform(out, back)
 
 
 def _general_modes(
@@ -504,33 +502,33 @@ def _general_modes(
     """
     system, contacts = equations.equations.system, equations.equations.contacts
     n, together = system.size, contacts.couples_states(equations.phases)
-    inside, held = contacts.internal_states if together else 0, 0 if constrained is None else constrained.shape[1]
+    count, fixed = contacts.internal_states if together else 0, 0 if constrained is None else constrained.shape[1]
     _, psi, extension, _ = undamped
     scale, A, out, back = _FirstOrder.of(undamped, equations.equations.states)
-    r, first = scale.size, 2 * scale.size + inside
-    usual = float(np.median(scale)) if r else 1.0  # 1/s, from metres to velocities
-    more = (0, inside + held)
-    A, out, back = np.pad(A, (more, more)), np.pad(out, ((0, 0), more)), np.pad(back, (more, (0, 0)))
+    r, first = scale.size, 2 * scale.size + count
+    typical = float(np.median(scale)) if r else 1.0  # 1/s, from metres to velocities
+    width = (0, count + fixed)
+    A, out, back = np.pad(A, (width, width)), np.pad(out, ((0, 0), width)), np.pad(back, (width, (0, 0)))
     if active.nonsymmetric:
-        aside = psi.T @ (active.force_direction - active.shape).T
-        A[r : 2 * r, :r] -= (aside * active.stiffness) @ extension / scale
-        A[r : 2 * r, r : 2 * r] -= (aside * active.dashpot) @ extension
+        skew = psi.T @ (active.force_direction - active.shape).T
+        A[r : 2 * r, :r] -= (skew * active.stiffness) @ extension / scale
+        A[r : 2 * r, r : 2 * r] -= (skew * active.dashpot) @ extension
     if constrained is not None:
-        strained = (active.force_direction.T * active.stiffness) @ (active.shape @ constrained)
-        A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * constrained + strained) / usual
-        out[:n, first:], back[first:, :n] = constrained / usual, constrained.T * usual
+        springs = (active.force_direction.T * active.stiffness) @ (active.shape @ constrained)
+        A[r : 2 * r, first:] = -psi.T @ (system.stiffness[:, None] * constrained + springs) / typical
+        out[:n, first:], back[first:, :n] = constrained / typical, constrained.T * typical
     if together:
-        unit = usual / max(float(np.abs(contacts.shape).max()), TINY)
-        states, (pushed, by_penetration, by_rate) = slice(2 * r, first), _internal_coupling(equations, active, undamped)
-        A[r : 2 * r, states] = pushed / unit
+        unit = typical / max(float(np.abs(contacts.shape).max()), TINY)
+        states, (forces, by_penetration, by_rate) = slice(2 * r, first), _internal_coupling(equations, active, undamped)
+        A[r : 2 * r, states] = forces / unit
         A[states, :r] = unit * by_penetration / scale
         A[states, r : 2 * r] = unit * by_rate
         A[states, states] = equations.internal_rates[:, equations.equations.internal]
         if constrained is not None:
-            resting = (contacts.sign[:, None] * contacts.shape @ constrained)[contacts.state_owner]
-            A[states, first:] = -unit / usual * (equations.internal_rate_factors[:, PENETRATION, None] * resting)
-        out[2 * n :, states] = np.eye(inside) / unit
-        back[states, 2 * n :] = np.eye(inside) * unit
+            closed = (contacts.sign[:, None] * contacts.shape @ constrained)[contacts.state_owner]
+            A[states, first:] = -unit / typical * (equations.internal_rate_factors[:, PENETRATION, None] * closed)
+        out[2 * n :, states] = np.eye(count) / unit
+        back[states, 2 * n :] = np.eye(count) * unit
     return block_diagonalise(A, window).transform(out, back)
 
 
@@ -549,13 +547,13 @@ def _internal_coupling(
     by_penetration, by_rate : (s, r) rate of each internal state for a unit of each mode, and of its velocity.
     """
     contacts, drive = equations.equations.contacts, equations.internal_rate_factors
-    moved = contacts.shape @ undamped.shapes
+    deflection = contacts.shape @ undamped.shapes
     # of stiff ones in slow motions, and none in motions that do not move them
-    moved[active.contact] = undamped.extension
-    penetration = -contacts.sign[:, None] * moved
-    along = equations.push @ undamped.shapes if active.nonsymmetric else -penetration
+    deflection[active.contact] = undamped.extension
+    penetration = -contacts.sign[:, None] * deflection
+    pushes = equations.push @ undamped.shapes if active.nonsymmetric else -penetration
     return (
-        along[contacts.state_owner].T * equations.internal_factors,
+        pushes[contacts.state_owner].T * equations.internal_factors,
         drive[:, PENETRATION, None] * penetration[contacts.state_owner],
         drive[:, RATE, None] * penetration[contacts.state_owner],
     )
@@ -580,26 +578,26 @@ def _undamped_modes(
     n, phi, k = system.size, active.shape, active.stiffness
     if not k.size and constrained is None:
         return _UndampedModes(system.stiffness, np.eye(n), phi, system.damping)
-    held, unfelt = np.eye(n), np.zeros((n, 0))
+    basis, rigid = np.eye(n), np.zeros((n, 0))
     if (system.stiffness == 0.0).any():
-        held, unfelt = _with_rigid_motions(system, phi if constrained is None else np.vstack([phi, constrained.T]))
+        basis, rigid = _with_rigid_motions(system, phi if constrained is None else np.vstack([phi, constrained.T]))
     if constrained is not None:
-        held = held @ np.linalg.svd(constrained.T @ held)[2][constrained.shape[1] :].T
+        basis = basis @ np.linalg.svd(constrained.T @ basis)[2][constrained.shape[1] :].T
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
-        omega2, psi = np.linalg.eigh(held.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ held)
-        extension = phi @ held @ psi
+        omega2, psi = np.linalg.eigh(basis.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ basis)
+        extension = phi @ basis @ psi
     else:
         # singular values of a factor: eigenvalues of K would have errors of the order of the highest one in the lowest
         springs = np.sqrt(k)[:, None] * phi
-        factor = np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ held
-        extended, omega, turned = np.linalg.svd(factor, full_matrices=False)
-        omega2, psi = omega[::-1] ** 2, turned[::-1].T
+        factor = np.vstack([np.diag(np.sqrt(system.stiffness)), springs]) @ basis
+        left, omega, right = np.linalg.svd(factor, full_matrices=False)
+        omega2, psi = omega[::-1] ** 2, right[::-1].T
         # the springs' extensions too: in a low mode that of a stiff spring is below the round-off of phi @ psi
-        extension = phi @ held @ psi
+        extension = phi @ basis @ psi
         elastic = k > 0.0
-        extension[elastic] = (extended[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
-    free = unfelt.shape[1]
-    shapes, extension = np.hstack([unfelt, held @ psi]), np.hstack([np.zeros((k.size, free)), extension])
+        extension[elastic] = (left[n:] * omega)[elastic, ::-1] / np.sqrt(k[elastic])[:, None]
+    free = rigid.shape[1]
+    shapes, extension = np.hstack([rigid, basis @ psi]), np.hstack([np.zeros((k.size, free)), extension])
     damping = shapes.T @ system.damping @ shapes + (extension.T * active.dashpot) @ extension
     return _UndampedModes(np.append(np.zeros(free), np.maximum(omega2, 0.0)), shapes, extension, damping)
 
@@ -607,10 +605,10 @@ def _undamped_modes(
 def _with_rigid_motions(system: PiecewiseLinearSystem, contact_shapes: Floats) -> tuple[Floats, Floats]:
     """Motions that contacts with shapes (a, n) or springs of the structure resist, then free rigid-body motions."""
     rigid, basis = np.flatnonzero(system.stiffness == 0.0), np.eye(system.size)
-    _, singular, turned = np.linalg.svd(contact_shapes[:, rigid])
+    _, singular, right = np.linalg.svd(contact_shapes[:, rigid])
     rank = int(np.sum(singular > 1e-12 * max(float(singular.max(initial=0.0)), TINY)))
     free = rigid.size - rank
-    basis[np.ix_(rigid, rigid)] = turned.T
+    basis[np.ix_(rigid, rigid)] = right.T
     basis = basis[:, np.concatenate([rigid[rank:], rigid[:rank], np.flatnonzero(system.stiffness != 0.0)])]
     return basis[:, free:], basis[:, :free]
 
@@ -620,15 +618,15 @@ def _residual(factors: Complexes, equations: StateEquations, sources: Sources) -
 
     It is a polynomial times ``e^{nu tau}``.
     """
-    of, power, F, degrees = equations.equations, sources.power, np.arange(sources.power.size), sources.power.max() + 1
+    eq, power, F, degrees = equations.equations, sources.power, np.arange(sources.power.size), sources.power.max() + 1
     y, higher = factors[:, :degrees], factors[:, 1 : degrees + 1]
-    z = np.zeros((F.size, degrees, of.width), dtype=complex)
-    z[:, :, : of.states], z[F, power, of.inputs.start + F] = y, 1.0
-    z[F, power, of.slopes.start + F] = sources.exponent
+    z = np.zeros((F.size, degrees, eq.width), dtype=complex)
+    z[:, :, : eq.states], z[F, power, eq.inputs.start + F] = y, 1.0
+    z[F, power, eq.slopes.start + F] = sources.exponent
     if degrees > 1:
         rising = np.flatnonzero(power)
-        z[rising, power[rising] - 1, of.slopes.start + rising] = power[rising]
-    out = equations.rates_at(z.reshape(-1, of.width).T).T.reshape(y.shape) - sources.exponent[:, None, None] * y
+        z[rising, power[rising] - 1, eq.slopes.start + rising] = power[rising]
+    out = equations.rates_at(z.reshape(-1, eq.width).T).T.reshape(y.shape) - sources.exponent[:, None, None] * y
     if degrees > 1 or higher.shape[1]:
         out[:, : higher.shape[1]] -= np.arange(1, higher.shape[1] + 1)[:, None] * higher
         out[np.arange(degrees) > power[:, None]] = 0.0

@@ -110,13 +110,13 @@ def search_extrema(
     latest: tuple[Any, Sums | None] = None, None  # table of a contact state, and its parts that were searched last
     for sums in batches if known.rank.size else ():
         scaled = in_shares(sums)
-        bound = reach(scaled, known)
-        again = np.zeros(sums.window.size, dtype=bool)
+        bound = initial_bounds(scaled, known)
+        repeated = np.zeros(sums.window.size, dtype=bool)
         if sums.table is latest[0] and not known.squared:
-            again = repeats(scaled, not_none(latest[1]), known)
-            bound[:, again] = -np.inf
+            repeated = repeats(scaled, not_none(latest[1]), known)
+            bound[:, repeated] = -np.inf
         evaluations += search(scaled, bound, known, -1.0)[1]
-        if not again[-LATEST:].any():
+        if not repeated[-LATEST:].any():
             latest = sums.table, scaled
     high, low = np.where(np.isnan(known.time), -np.inf, known.value)
     when_high, when_low = known.time
@@ -151,7 +151,7 @@ def in_shares(sums: Sums) -> Sums:
     )  # fmt: skip
 
 
-def reach(sums: Sums, incumbents: KnownExtremes) -> Floats:
+def initial_bounds(sums: Sums, incumbents: KnownExtremes) -> Floats:
     """(2, n, J) bounds on J functions of the outputs on parts, and on their negatives, from the initial values.
 
     A term changes by at most its largest slope times the length, and by at most twice its size. Matrix products
@@ -166,12 +166,12 @@ def reach(sums: Sums, incumbents: KnownExtremes) -> Floats:
     farthest = np.maximum(np.abs(begin), np.abs(end))
     with np.errstate(over="ignore", invalid="ignore"):  # of motions that grow without bound
         most = np.exp(np.maximum(rate.real * begin, rate.real * end)) * farthest**power
-        apart = most * (np.minimum((np.abs(rate) + power / farthest) * (end - begin), 2.0) + REACH_ROUND_OFF)
+        spreads = most * (np.minimum((np.abs(rate) + power / farthest) * (end - begin), 2.0) + REACH_ROUND_OFF)
         terms = sums.amplitude * (np.exp(rate * begin) * begin**power)[:, sums.basis]
-        sizes = np.abs(sums.amplitude) * apart[:, sums.basis]
+        sizes = np.abs(sums.amplitude) * spreads[:, sums.basis]
         real, imag, size = sums.table.swapaxes(0, 1)
-        one, other, sizes = (x.reshape(real.shape[0], -1, real.shape[1]) for x in (terms.real, terms.imag, sizes))
-        value, spread = ((one @ real - other @ imag).reshape(begin.size, -1), (sizes @ size).reshape(begin.size, -1))
+        re, im, sizes = (x.reshape(real.shape[0], -1, real.shape[1]) for x in (terms.real, terms.imag, sizes))
+        value, spread = ((re @ real - im @ imag).reshape(begin.size, -1), (sizes @ size).reshape(begin.size, -1))
         high, low = value + spread, spread - value
         if not incumbents.squared:
             return np.stack([high, low])
@@ -190,21 +190,21 @@ def repeats(sums: Sums, previous: Sums, incumbents: KnownExtremes) -> Bools:
     incumbents : the largest values, to which the tolerance refers.
     """
     end, order = slice(-LATEST, None), np.arange(1.0, sums.basis.size + 1.0)
-    one, other = sums.amplitude @ order, previous.amplitude[end] @ order
-    apart = np.abs(one[:, None] - other)
-    nearest, found = apart.argmin(axis=1), np.zeros(one.size, dtype=bool)
-    alike = (previous.span[:2, end][:, nearest] == sums.span[:2]).all(axis=0)
-    alike &= (previous.window[end][nearest] == sums.window) & (apart.min(axis=1) <= SIMILAR * np.abs(one))
-    if alike.any():
-        nearest, rate, amplitude = nearest[alike], sums.rate[alike], sums.amplitude[alike]
+    key, keys = sums.amplitude @ order, previous.amplitude[end] @ order
+    gap = np.abs(key[:, None] - keys)
+    nearest, equal = gap.argmin(axis=1), np.zeros(key.size, dtype=bool)
+    close = (previous.span[:2, end][:, nearest] == sums.span[:2]).all(axis=0)
+    close &= (previous.window[end][nearest] == sums.window) & (gap.min(axis=1) <= SIMILAR * np.abs(key))
+    if close.any():
+        nearest, rate, amplitude = nearest[close], sums.rate[close], sums.amplitude[close]
         with np.errstate(over="ignore", invalid="ignore"):  # of motions that grow without bound
             most = np.exp(np.maximum(rate.real, 0.0))
-            turned = np.abs(rate - previous.rate[end][nearest]) * most
-            changed = np.abs(amplitude - previous.amplitude[end][nearest]) * most[:, sums.basis]
-            bound = (changed + np.abs(amplitude) * turned[:, sums.basis]) @ sums.table[0, 2]
-            size = np.abs(incumbents.largest_of_rank[:, incumbents.rank]).max(axis=1)[sums.window[alike]]
-            found[alike] = (bound <= TOLERANCE * size).all(axis=1)
-    return found
+            shift = np.abs(rate - previous.rate[end][nearest]) * most
+            change = np.abs(amplitude - previous.amplitude[end][nearest]) * most[:, sums.basis]
+            bound = (change + np.abs(amplitude) * shift[:, sums.basis]) @ sums.table[0, 2]
+            size = np.abs(incumbents.largest_of_rank[:, incumbents.rank]).max(axis=1)[sums.window[close]]
+            equal[close] = (bound <= TOLERANCE * size).all(axis=1)
+    return equal
 
 
 def values_in_shares(sums: Sums, rows: Ints, u: Floats) -> Floats:
@@ -239,16 +239,16 @@ def polynomials(values: Floats, start: Floats, length: Floats, window: Ints | No
     coefficient = np.where(np.abs(coefficient) > round_off, coefficient, 0.0)
     number, half = np.arange(NODES + 1), 0.5 * length
     table = (_POWERS.T @ coefficient) * half[:, None, None] ** -number[:, None]
-    place, window = (
+    span, window = (
         np.stack([-np.ones(half.size), np.ones(half.size), start + half, half]),
         np.zeros(half.size, dtype=np.int64) if window is None else window,
     )
     for first in range(0, half.size, PARTS_AT_ONCE):
         rows = slice(first, first + PARTS_AT_ONCE)
-        one = np.ones((place[0, rows].size, NODES + 1), dtype=complex)
+        ones = np.ones((span[0, rows].size, NODES + 1), dtype=complex)
         yield Sums(
-            np.zeros(NODES + 1, dtype=complex), number, number, one, np.zeros(one.shape), table[rows].astype(complex),
-            place[:, rows], window[rows],
+            np.zeros(NODES + 1, dtype=complex), number, number, ones, np.zeros(ones.shape), table[rows].astype(complex),
+            span[:, rows], window[rows],
         )  # fmt: skip
 
 
@@ -271,13 +271,13 @@ FOURTH, REMAINDER, ROUND_OFF, HIGHEST = 4, 5, 6, 7  # of these bounds
 
 
 @kernel
-def search(sums, reach, incumbents, resolution):
+def search(sums, bounds, incumbents, resolution):
     """Update the incumbents by the largest values on the parts.
 
     Parameters
     ----------
     sums, incumbents : the outputs, and the largest values found so far; updated.
-    reach : (2, n, J) bounds on the functions on the parts and on their negatives; infinite to search every part.
+    bounds : (2, n, J) bounds on the functions on the parts and on their negatives; infinite to search every part.
     resolution : smallest difference of neighbouring turning points, if all are searched; negative if only the largest
         values are.
 
@@ -289,65 +289,65 @@ def search(sums, reach, incumbents, resolution):
     B, K = sums.rate.shape[1], sums.table.shape[3]
     output, noise, by_output = np.empty((3, K, B)), np.empty(K), np.empty((2, B, K))
     ends, inside = _make_ends(1, B, K), _make_ends(PARTS, B, K)
-    waiting, turns = np.empty((64, 6)), np.empty((64, 2))
+    queue, turns = np.empty((64, 6)), np.empty((64, 2))
     used, evaluations = np.empty(2, dtype=np.int64), 0  # rows of these
     used[0] = used[1] = 0
-    open, one = np.empty(incumbents.first.size - 1, dtype=np.int64), np.empty(1, dtype=np.int64)
+    todo, single = np.empty(incumbents.first.size - 1, dtype=np.int64), np.empty(1, dtype=np.int64)
     for i in range(sums.window.size):
         ends.u[0], ends.u[1], window = sums.span[0, i], sums.span[1, i], sums.window[i]
-        count = _fill_open(incumbents, reach, window, i, open)
+        count = _fill_todo(incumbents, bounds, window, i, todo)
         if count == 0:
             continue
         _fill_waves(sums, i, 0.0, ends)
         _fill_outputs(
-            sums, i, incumbents.first[open[0]], incumbents.first[open[count - 1] + 1], ends, by_output, output, noise
+            sums, i, incumbents.first[todo[0]], incumbents.first[todo[count - 1] + 1], ends, by_output, output, noise
         )
-        _evaluate_functions(incumbents, sums, i, open[:count], output, noise, ends)
+        _evaluate_functions(incumbents, sums, i, todo[:count], output, noise, ends)
         evaluations += 2 * count
-        pieces, cut = inside, False
-        for j in open[:count]:
-            seen, one[0] = False, j
+        pieces, divided = inside, False
+        for j in todo[:count]:
+            seen, single[0] = False, j
             for sign in range(2):
-                top, scale = _incumbent(incumbents, sign, window, j)
-                if ends.bound[HIGHEST + sign, incumbents.first[j]] <= _limit(top, scale, top, resolution):
+                best, scale = _incumbent(incumbents, sign, window, j)
+                if ends.bound[HIGHEST + sign, incumbents.first[j]] <= _limit(best, scale, best, resolution):
                     continue
-                if not cut:
-                    pieces, cut = _cut(sums, i, ends), True
+                if not divided:
+                    pieces, divided = _equal_parts(sums, i, ends), True
                 if not seen:
-                    _evaluate_functions(incumbents, sums, i, one, output, noise, pieces)
+                    _evaluate_functions(incumbents, sums, i, single, output, noise, pieces)
                     evaluations, seen = evaluations + pieces.u.size, True
                 key = (sign, window, j, i)
-                waiting, turns = (
-                    _with_room(waiting, used[0] + pieces.u.size),
+                queue, turns = (
+                    _with_room(queue, used[0] + pieces.u.size),
                     _with_room(turns, used[1] + pieces.u.size),
                 )
-                _subdivide(incumbents, key, pieces, resolution, waiting, turns, used)
+                _subdivide(incumbents, key, pieces, resolution, queue, turns, used)
                 while used[0] > 0:
                     used[0] -= 1
-                    row = waiting[used[0]]
-                    top, scale = _incumbent(incumbents, sign, window, j)
-                    if row[2] <= _limit(top, scale, row[3], resolution):
+                    row = queue[used[0]]
+                    best, scale = _incumbent(incumbents, sign, window, j)
+                    if row[2] <= _limit(best, scale, row[3], resolution):
                         continue
                     _divide(row, inside.u)
                     _fill_waves(sums, i, row[4], inside)
-                    _evaluate_functions(incumbents, sums, i, one, output, noise, inside)
+                    _evaluate_functions(incumbents, sums, i, single, output, noise, inside)
                     evaluations += PARTS - 1
-                    waiting, turns = _with_room(waiting, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
-                    _subdivide(incumbents, key, inside, resolution, waiting, turns, used)
+                    queue, turns = _with_room(queue, used[0] + PARTS), _with_room(turns, used[1] + PARTS)
+                    _subdivide(incumbents, key, inside, resolution, queue, turns, used)
     return turns[: used[1]], evaluations
 
 
 @kernel
-def _fill_open(incumbents, reach, window, i, open):
+def _fill_todo(incumbents, bounds, window, i, todo):
     """Write the functions that may exceed their incumbents on a part, and return their number."""
     count = 0
-    for j in range(open.size):
+    for j in range(todo.size):
         below = True
         for sign in range(2):
-            top, _ = _incumbent(incumbents, sign, window, j)
-            below = below and reach[sign, i, j] <= top and not math.isnan(incumbents.time[sign, window, j])
+            best, _ = _incumbent(incumbents, sign, window, j)
+            below = below and bounds[sign, i, j] <= best and not math.isnan(incumbents.time[sign, window, j])
         if not below:
-            open[count] = j
+            todo[count] = j
             count += 1
     return count
 
@@ -367,18 +367,18 @@ def variation(sums):
         ends.u[0], ends.u[1] = sums.span[0, i], sums.span[1, i]
         _fill_waves(sums, i, 0.0, ends)
         _fill_outputs(sums, i, 0, K, ends, by_output, output, noise)
-        look = _cut(sums, i, ends)
-        _evaluate_outputs(first, first[:K], output, noise, look)
+        parts = _equal_parts(sums, i, ends)
+        _evaluate_outputs(first, first[:K], output, noise, parts)
         for b in range(B):
-            slopes[b] = (1.0 - look.in_cubic[b]) * _integral_of_slope(sums, i, b, look)
+            slopes[b] = (1.0 - parts.in_cubic[b]) * _integral_of_slope(sums, i, b, parts)
         for k in range(K):
-            value[0, i, k], value[1, i, k] = look.value[0, 0, k], look.value[look.u.size - 1, 0, k]
+            value[0, i, k], value[1, i, k] = parts.value[0, 0, k], parts.value[parts.u.size - 1, 0, k]
             for b in range(B):
                 bound[i, k] += output[2, k, b] * slopes[b]
-            for p in range(look.u.size - 1):
-                h, left, right = look.u[p + 1] - look.u[p], look.value[p], look.value[p + 1]
+            for p in range(parts.u.size - 1):
+                h, left, right = parts.u[p + 1] - parts.u[p], parts.value[p], parts.value[p + 1]
                 bound[i, k] += _cubic_variation(left[1, k], right[1, k], left[2, k] * h, right[2, k] * h)
-                bound[i, k] += SLOPE * look.bound[FOURTH, k] * h * h * h * h
+                bound[i, k] += SLOPE * parts.bound[FOURTH, k] * h * h * h * h
     return bound, value
 
 
@@ -397,15 +397,15 @@ def _cubic_variation(left, right, first, last):
     """Total variation of a cubic between 0 and 1, from its values and slopes there."""
     rise = right - left
     c, e = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
-    square, total, before = c * c - 3.0 * e * first, 0.0, left
-    if square > 0.0:
-        q = -(c + math.copysign(math.sqrt(square), c))
-        one, other = first / q if q != 0.0 else 0.0, q / (3.0 * e) if e != 0.0 else 0.0
-        for t in (min(one, other), max(one, other)):
+    discriminant, total, previous = c * c - 3.0 * e * first, 0.0, left
+    if discriminant > 0.0:
+        q = -(c + math.copysign(math.sqrt(discriminant), c))
+        t1, t2 = first / q if q != 0.0 else 0.0, q / (3.0 * e) if e != 0.0 else 0.0
+        for t in (min(t1, t2), max(t1, t2)):
             if 0.0 < t < 1.0:
                 value = left + t * (first + t * (c + t * e))
-                total, before = total + abs(value - before), value
-    return total + abs(right - before)
+                total, previous = total + abs(value - previous), value
+    return total + abs(right - previous)
 
 
 @kernel
@@ -430,7 +430,7 @@ def _with_room(rows, count):
 
 
 @kernel
-def _cut(sums, i, ends):
+def _equal_parts(sums, i, ends):
     """Ends of equal parts of an interval, at most 64, so short that the cubics include all functions."""
     parts, square = 1, 0.0
     for b in range(sums.power.size):
@@ -440,11 +440,11 @@ def _cut(sums, i, ends):
         parts *= 2
     if parts == 1:
         return ends
-    look = _make_ends(parts, ends.in_cubic.size, ends.bound.shape[1])
+    pieces = _make_ends(parts, ends.in_cubic.size, ends.bound.shape[1])
     for p in range(parts + 1):
-        look.u[p] = ends.u[1] if p == parts else ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
-    _fill_waves(sums, i, 0.0, look)
-    return look
+        pieces.u[p] = ends.u[1] if p == parts else ends.u[0] + (ends.u[1] - ends.u[0]) * p / parts
+    _fill_waves(sums, i, 0.0, pieces)
+    return pieces
 
 
 @summing
@@ -489,42 +489,42 @@ def _fill_waves(sums, i, maximum, ends):
     The parts are placed about the maximum at ``maximum``, or equal if that is 0 (a flag would be compiled twice).
     From a function f to u f derivatives change to ``u f^(k) + k f^(k - 1)``.
     """
-    u, wave, most, last = ends.u, ends.wave, ends.derivative_bound, ends.u.size - 1
+    u, wave, bounds, last = ends.u, ends.wave, ends.derivative_bound, ends.u.size - 1
     step, farthest = 0.0, max(abs(u[0]), abs(u[last]))
     for p in range(last):
         step = max(step, u[p + 1] - u[p])
     for b in range(sums.power.size):
         rate, power, times = sums.rate[i, b], sums.power[b], 1
         size = math.sqrt(rate.real * rate.real + rate.imag * rate.imag)
-        given = b - 1  # the function that is multiplied by the time
-        if b == 0 or rate != sums.rate[i, given] or power != sums.power[given] + 1:
-            given, times = b, power
+        base = b - 1  # the function that is multiplied by the time
+        if b == 0 or rate != sums.rate[i, base] or power != sums.power[base] + 1:
+            base, times = b, power
             e = _exp(rate.real, rate.imag, u[0])
             wave[0, 0, b], wave[0, 1, b] = e.real, e.imag
-            done, doubled = 1, 0
-            while done <= last:  # double the number, with the growth of the function over these
-                e = e * e if doubled % 3 > 0 else _exp(rate.real, rate.imag, u[done] - u[0])
-                for p in range(done, min(2 * done, last + 1)):
+            filled, doublings = 1, 0
+            while filled <= last:  # double the number, with the growth of the function over these
+                e = e * e if doublings % 3 > 0 else _exp(rate.real, rate.imag, u[filled] - u[0])
+                for p in range(filled, min(2 * filled, last + 1)):
                     if maximum > 0.0:
-                        e = _exp(rate.real, rate.imag, u[p] - u[p - done])
-                    x, y = wave[p - done, 0, b], wave[p - done, 1, b]
+                        e = _exp(rate.real, rate.imag, u[p] - u[p - filled])
+                    x, y = wave[p - filled, 0, b], wave[p - filled, 1, b]
                     wave[p, 0, b], wave[p, 1, b] = x * e.real - y * e.imag, x * e.imag + y * e.real
-                done, doubled = 2 * done, doubled + 1
+                filled, doublings = 2 * filled, doublings + 1
             for p in range(last + 1):
                 x, y = wave[p, 0, b], wave[p, 1, b]
                 wave[p, 2, b], wave[p, 3, b] = x * rate.real - y * rate.imag, x * rate.imag + y * rate.real
             bound = math.exp(max(rate.real * u[0], rate.real * u[last]))
             for order in range(5):
-                most[order, b] = bound
+                bounds[order, b] = bound
                 bound *= size
         for _ in range(times):
             for p in range(last + 1):
                 for q in range(2):
-                    wave[p, 2 + q, b] = u[p] * wave[p, 2 + q, given] + wave[p, q, given]
-                    wave[p, q, b] = u[p] * wave[p, q, given]
+                    wave[p, 2 + q, b] = u[p] * wave[p, 2 + q, base] + wave[p, q, base]
+                    wave[p, q, b] = u[p] * wave[p, q, base]
             for order in range(4, 0, -1):
-                most[order, b] = farthest * most[order, given] + order * most[order - 1, given]
-            most[0, b] = farthest * most[0, given]
+                bounds[order, b] = farthest * bounds[order, base] + order * bounds[order - 1, base]
+            bounds[0, b] = farthest * bounds[0, base]
         ends.in_cubic[b] = 1.0 if size * step <= FARTHEST else 0.0
 
 
@@ -544,21 +544,21 @@ def _evaluate_functions(incumbents, sums, i, functions, output, noise, ends):
         for p in range(ends.u.size - 1):
             h = ends.u[p + 1] - ends.u[p]
             left, right = value[p, 1, k], value[p + 1, 1, k]
-            after, before = left + value[p, 2, k] * h / 3.0, right - value[p + 1, 2, k] * h / 3.0
+            c_left, c_right = left + value[p, 2, k] * h / 3.0, right - value[p + 1, 2, k] * h / 3.0
             error = VALUE * bound[FOURTH, k] * h * h * h * h
-            high = max(high, max(max(left, right), max(after, before)) + error)
-            low = min(low, min(min(left, right), min(after, before)) - error)
+            high = max(high, max(max(left, right), max(c_left, c_right)) + error)
+            low = min(low, min(min(left, right), min(c_left, c_right)) - error)
         bound[HIGHEST, k] = _add_remainder(high, bound[REMAINDER, k], 1.0, incumbents.squared) - bound[ROUND_OFF, k]
         bound[HIGHEST + 1, k] = (
             _add_remainder(-low, bound[REMAINDER, k], -1.0, incumbents.squared) - bound[ROUND_OFF, k]
         )
         for p in range(ends.u.size):
             for sign in range(2):
-                reached = value[p, 0, k] if sign == 0 else -value[p, 0, k]
-                if reached > incumbents.value[sign, window, j]:
-                    incumbents.value[sign, window, j] = reached
+                end_value = value[p, 0, k] if sign == 0 else -value[p, 0, k]
+                if end_value > incumbents.value[sign, window, j]:
+                    incumbents.value[sign, window, j] = end_value
                     incumbents.largest_of_rank[window, incumbents.rank[sign, j]] = max(
-                        incumbents.largest_of_rank[window, incumbents.rank[sign, j]], reached
+                        incumbents.largest_of_rank[window, incumbents.rank[sign, j]], end_value
                     )
                     incumbents.time[sign, window, j] = sums.span[2, i] + sums.span[3, i] * ends.u[p]
 
@@ -569,25 +569,25 @@ def _evaluate_outputs(first, functions, output, noise, ends):
     round-off."""
     for k in range(first[functions[0]], first[functions[functions.size - 1] + 1]):
         for p in range(ends.u.size):
-            whole, value, slope = 0.0, 0.0, 0.0
+            total, value, slope = 0.0, 0.0, 0.0
             for b in range(ends.in_cubic.size):
                 real, imag = output[0, k, b], output[1, k, b]
-                part = real * ends.wave[p, 0, b] - imag * ends.wave[p, 1, b]
-                whole += part
-                value += ends.in_cubic[b] * part
+                term = real * ends.wave[p, 0, b] - imag * ends.wave[p, 1, b]
+                total += term
+                value += ends.in_cubic[b] * term
                 slope += ends.in_cubic[b] * (real * ends.wave[p, 2, b] - imag * ends.wave[p, 3, b])
-            ends.value[p, 0, k], ends.value[p, 1, k], ends.value[p, 2, k] = whole, value, slope
-        n0, n1, n2, n3, n4, aside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            ends.value[p, 0, k], ends.value[p, 1, k], ends.value[p, 2, k] = total, value, slope
+        n0, n1, n2, n3, n4, outside = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for b in range(ends.in_cubic.size):
-            size, near = output[2, k, b], output[2, k, b] * ends.in_cubic[b]
-            n0 += near * ends.derivative_bound[0, b]
-            n1 += near * ends.derivative_bound[1, b]
-            n2 += near * ends.derivative_bound[2, b]
-            n3 += near * ends.derivative_bound[3, b]
-            n4 += near * ends.derivative_bound[4, b]
-            aside += (size - near) * ends.derivative_bound[0, b]
+            size, inside = output[2, k, b], output[2, k, b] * ends.in_cubic[b]
+            n0 += inside * ends.derivative_bound[0, b]
+            n1 += inside * ends.derivative_bound[1, b]
+            n2 += inside * ends.derivative_bound[2, b]
+            n3 += inside * ends.derivative_bound[3, b]
+            n4 += inside * ends.derivative_bound[4, b]
+            outside += (size - inside) * ends.derivative_bound[0, b]
         ends.bound[0, k], ends.bound[1, k], ends.bound[2, k], ends.bound[3, k] = n0, n1, n2, n3
-        ends.bound[FOURTH, k], ends.bound[REMAINDER, k], ends.bound[ROUND_OFF, k] = n4, aside, noise[k]
+        ends.bound[FOURTH, k], ends.bound[REMAINDER, k], ends.bound[ROUND_OFF, k] = n4, outside, noise[k]
 
 
 @kernel
@@ -595,12 +595,12 @@ def _add_squares(ends, first, last):
     """Replace outputs ``first`` to ``last`` by half the sum of their squares, stored at the first."""
     value, bound = ends.value, ends.bound
     for p in range(ends.u.size):
-        whole, near, slope = 0.0, 0.0, 0.0
+        full, inside, slope = 0.0, 0.0, 0.0
         for k in range(first, last):
-            whole += 0.5 * value[p, 0, k] ** 2
-            near += 0.5 * value[p, 1, k] ** 2
+            full += 0.5 * value[p, 0, k] ** 2
+            inside += 0.5 * value[p, 1, k] ** 2
             slope += value[p, 1, k] * value[p, 2, k]
-        value[p, 0, first], value[p, 1, first], value[p, 2, first] = whole, near, slope
+        value[p, 0, first], value[p, 1, first], value[p, 2, first] = full, inside, slope
     for q in range(HIGHEST):  # lengths
         total = 0.0
         for k in range(first, last):
@@ -635,9 +635,13 @@ def _divide(interval, u):
     """Ends of the parts of an interval: about the place of its top, if that is certain, else equal ones."""
     begin, length = interval[0], interval[1] - interval[0]
     if interval[4] > 0.0:
-        near = interval[5]
-        middle = min(max(interval[4], 2.0 * near), 1.0 - 2.0 * near)
-        u[1], u[2], u[3] = begin + length * (middle - near), begin + length * middle, begin + length * (middle + near)
+        margin = interval[5]
+        middle = min(max(interval[4], 2.0 * margin), 1.0 - 2.0 * margin)
+        u[1], u[2], u[3] = (
+            begin + length * (middle - margin),
+            begin + length * middle,
+            begin + length * (middle + margin),
+        )
     else:
         u[1], u[2], u[3] = begin + 0.25 * length, begin + 0.5 * length, begin + 0.75 * length
     u[0], u[4] = begin, interval[1]
@@ -657,30 +661,30 @@ def _subdivide(incumbents, key, ends, resolution, queue, turning_points, counts)
     """
     sign = 1.0 if key[0] == 0 else -1.0
     value, k = ends.value, incumbents.first[key[2]]
-    top, scale = _incumbent(incumbents, key[0], key[1], key[2])
-    fourth, aside, noise = ends.bound[FOURTH, k], ends.bound[REMAINDER, k], ends.bound[ROUND_OFF, k]
+    best, scale = _incumbent(incumbents, key[0], key[1], key[2])
+    fourth, outside, noise = ends.bound[FOURTH, k], ends.bound[REMAINDER, k], ends.bound[ROUND_OFF, k]
     for p in range(ends.u.size - 2, -1, -1):
         begin, h = ends.u[p], ends.u[p + 1] - ends.u[p]
         left, right = sign * value[p, 1, k], sign * value[p + 1, 1, k]
         first, last = sign * value[p, 2, k] * h, sign * value[p + 1, 2, k] * h
         error = fourth * h * h * h * h
-        reached = max(sign * value[p, 0, k], sign * value[p + 1, 0, k])
-        limit = _limit(top, scale, reached, resolution)
-        highest, place, curvature, flattest, steepest = _cubic(left, right, first, last)
-        bound = _add_remainder(highest + VALUE * error, aside, sign, incumbents.squared) - noise
+        end_value = max(sign * value[p, 0, k], sign * value[p + 1, 0, k])
+        limit = _limit(best, scale, end_value, resolution)
+        highest, peak, curvature, flattest, steepest = _cubic(left, right, first, last)
+        bound = _add_remainder(highest + VALUE * error, outside, sign, incumbents.squared) - noise
         climbs = flattest > SLOPE * error or steepest < -SLOPE * error
-        if not bound > limit or (aside == 0.0 and climbs) or h <= EPS * (abs(begin) + h):
+        if not bound > limit or (outside == 0.0 and climbs) or h <= EPS * (abs(begin) + h):
             continue
-        if resolution >= 0.0 and VALUE * error + aside <= resolution + noise:
-            if place > 0.0 or (first > 0.0 and last <= 0.0):
+        if resolution >= 0.0 and VALUE * error + outside <= resolution + noise:
+            if peak > 0.0 or (first > 0.0 and last <= 0.0):
                 turning_points[counts[1], 0] = key[3]
-                turning_points[counts[1], 1] = begin + h * (place if place > 0.0 else 1.0)
+                turning_points[counts[1], 1] = begin + h * (peak if peak > 0.0 else 1.0)
                 counts[1] += 1
             continue
         row = queue[counts[0]]
-        row[0], row[1], row[2], row[3], row[4], row[5] = begin, ends.u[p + 1], bound, reached, 0.0, 0.0
-        if aside == 0.0 and 2.0 * SLOPE * error < -NEAR * curvature:  # else the top may be elsewhere
-            row[4], row[5] = place, max(NEAREST, -2.0 * SLOPE * error / curvature)
+        row[0], row[1], row[2], row[3], row[4], row[5] = begin, ends.u[p + 1], bound, end_value, 0.0, 0.0
+        if outside == 0.0 and 2.0 * SLOPE * error < -NEAR * curvature:  # else the top may be elsewhere
+            row[4], row[5] = peak, max(NEAREST, -2.0 * SLOPE * error / curvature)
         counts[0] += 1
 
 
@@ -689,8 +693,8 @@ def _add_remainder(bound, remainder, sign, squared):
     """Bound on a function from the bounds on its cubic and on the remainder."""
     if not squared:
         return bound + remainder
-    root, rest = math.sqrt(max(sign * bound, 0.0)), math.sqrt(0.5) * remainder
-    return (root + rest) ** 2 if sign > 0.0 else -(max(root - rest, 0.0) ** 2)
+    root, extra = math.sqrt(max(sign * bound, 0.0)), math.sqrt(0.5) * remainder
+    return (root + extra) ** 2 if sign > 0.0 else -(max(root - extra, 0.0) ** 2)
 
 
 @kernel
@@ -704,14 +708,14 @@ def _cubic(left, right, first, last):
     """
     rise = right - left
     c, e = 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise
-    square, place = c * c - 3.0 * e * first, 0.0
-    if square > 0.0:
-        place = first / (math.sqrt(square) - c) if c <= 0.0 else -(c + math.sqrt(square)) / (3.0 * e)
-    if not 0.0 < place < 1.0:
-        place = 0.0
-    top = max(max(left, right), left + place * (first + place * (c + place * e)))
+    discriminant, peak = c * c - 3.0 * e * first, 0.0
+    if discriminant > 0.0:
+        peak = first / (math.sqrt(discriminant) - c) if c <= 0.0 else -(c + math.sqrt(discriminant)) / (3.0 * e)
+    if not 0.0 < peak < 1.0:
+        peak = 0.0
+    highest = max(max(left, right), left + peak * (first + peak * (c + peak * e)))
     flattest, steepest = min(first, last), max(first, last)
     if 0.0 < -c * e < 3.0 * e * e:  # where the slope is extreme
         extreme = first - c * c / (3.0 * e)
         flattest, steepest = min(flattest, extreme), max(steepest, extreme)
-    return top, place, 2.0 * c + 6.0 * place * e, flattest, steepest
+    return highest, peak, 2.0 * c + 6.0 * peak * e, flattest, steepest

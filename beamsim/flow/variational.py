@@ -85,13 +85,13 @@ class FlowOutputs:
     def _turn_in(self, phases: Ints) -> Floats:
         """(n, n) rotation in given phases, including the smallest rotation that makes the stuck directions coincide."""
         assert self.rotation is not None
-        held, own = (each.at(phases).stuck_directions for each in (self.flow, self.target or self.flow))
-        if not held.shape[1] or not own.shape[1]:
+        stuck, target = (each.at(phases).stuck_directions for each in (self.flow, self.target or self.flow))
+        if not stuck.shape[1] or not target.shape[1]:
             return self.rotation
         if (key := phases.tobytes()) not in self._turns:
-            moved, one = self.rotation @ held, np.eye(self.rotation.shape[0])
-            here, there = moved @ moved.T, own @ own.T
-            left, _, right = np.linalg.svd(there @ here + (one - there) @ (one - here))
+            rotated, eye = self.rotation @ stuck, np.eye(self.rotation.shape[0])
+            onto, onto_target = rotated @ rotated.T, target @ target.T
+            left, _, right = np.linalg.svd(onto_target @ onto + (eye - onto_target) @ (eye - onto))
             self._turns[key] = left @ right @ self.rotation
         return self._turns[key]
 
@@ -114,13 +114,13 @@ class FlowOutputs:
         """
         if self.rotation is not None:
             n = self.rotation.shape[0]
-            turn, then = (
+            before, after = (
                 self.rotation if phases is None else self._turn_in(phases) for phases in (state_phases, result_phases)
             )
-            for part in (slice(0, n), slice(n, 2 * n)):
-                factors[:, part] = factors[:, part] @ turn.T
+            for rows in (slice(0, n), slice(n, 2 * n)):
+                factors[:, rows] = factors[:, rows] @ before.T
                 if states:
-                    factors[part] = then @ factors[part]
+                    factors[rows] = after @ factors[rows]
         return factors
 
     def outputs(self, output_of: RowsOf, phases: Ints) -> Floats:
@@ -141,9 +141,9 @@ class FlowOutputs:
         if key is None:
             return self._once((), lambda: _change_factors(self.flow.equations.state))
         before, contact, after = key
-        then = self.flow.system.contacts.phases_after(before, contact, after)
-        make = partial(self._event, before, contact, after)
-        return self._once((before.tobytes(), contact, after), make, before, then)
+        result = self.flow.system.contacts.phases_after(before, contact, after)
+        compute = partial(self._event, before, contact, after)
+        return self._once((before.tobytes(), contact, after), compute, before, result)
 
     def state_at_start(self, phases: Ints) -> Floats:
         """(N + 1, V) the state with which a motion in given phases starts, from one near it.
@@ -159,17 +159,17 @@ class FlowOutputs:
         return self._once(("kept", phases.tobytes()), lambda: _change_factors(self._state_at_end(phases)), phases)
 
     def _event(self, phases: Ints, contact: int, phase: int) -> Floats:
-        at = self.flow.at(phases)
-        event = at.events.of_change(contact, phase)
-        return _change_factors(at.state_after(event), at.events.guards[event])
+        state = self.flow.at(phases)
+        event = state.events.of_change(contact, phase)
+        return _change_factors(state.state_after(event), state.events.guards[event])
 
     def _state_at_start(self, phases: Ints) -> Floats:
-        at, equations, contacts = self.flow.at(phases), self.flow.equations, self.flow.system.contacts
-        begun, n = equations.state.copy(), self.flow.system.size
-        begun[equations.velocities, equations.velocities] -= at.stuck_directions @ at.stuck_directions.T
+        state, equations, contacts = self.flow.at(phases), self.flow.equations, self.flow.system.contacts
+        start, n = equations.state.copy(), self.flow.system.size
+        start[equations.velocities, equations.velocities] -= state.stuck_directions @ state.stuck_directions.T
         contact, _ = contacts.states_to_rewrite(phases)
-        begun[2 * n + contacts.first_state[contact]] = equations.penetration[contact]
-        return begun
+        start[2 * n + contacts.first_state[contact]] = equations.penetration[contact]
+        return start
 
     def _state_at_end(self, phases: Ints) -> Floats:
         law, contacts, end = self.flow.at(phases).law, self.flow.system.contacts, self.flow.equations.state.copy()
@@ -177,8 +177,8 @@ class FlowOutputs:
             contacts.states_to_rewrite(phases)[0],
             contacts.states_to_rewrite(phases)[1].T[:, :, None],
         )
-        written = law[contact, PENETRATION] - constant * law[contact, CONSTANT] - pressing * law[contact, NORMAL_FORCE]
-        end[2 * self.flow.system.size + contacts.first_state[contact]] = written
+        values = law[contact, PENETRATION] - constant * law[contact, CONSTANT] - pressing * law[contact, NORMAL_FORCE]
+        end[2 * self.flow.system.size + contacts.first_state[contact]] = values
         return end
 
 
@@ -329,31 +329,31 @@ def sensitivity(
                    for column in (log.event_contact, log.event_phase)), strict=True)  # fmt: skip
     before = [flow.states[of].phases for of in log.state]
     keys = [(phases, *next(events)) if step else None for phases, step in zip(before, steps, strict=False)]
-    sorts = {None if key is None else (key[0].tobytes(), *key[1:]): key for key in keys}
-    number = {name: 1 + k for k, name in enumerate(sorts)}
+    distinct = {None if key is None else (key[0].tobytes(), *key[1:]): key for key in keys}
+    number = {name: 1 + k for k, name in enumerate(distinct)}
     phases = [flow.states[k].phases for k in visited]
     first = phases[state[0]]
     both: list[FlowOutputs | ParameterChange] = [outputs, *changes]
     rates = np.array([[each.rates(of) for of in phases] for each in both])
-    after = np.array(
-        [[each.state_at_start(first), *map(each.event, sorts.values()), each.state_at_end(last)] for each in both]
+    changed = np.array(
+        [[each.state_at_start(first), *map(each.event, distinct.values()), each.state_at_end(last)] for each in both]
     )
-    between = [number[None if key is None else (key[0].tobytes(), *key[1:])] for key in keys]
+    numbers = [number[None if key is None else (key[0].tobytes(), *key[1:])] for key in keys]
     factors = Factors(
-        rates, after, state, np.array([0, *between, 1 + len(sorts)]),
+        rates, changed, state, np.array([0, *numbers, 1 + len(distinct)]),
         np.array([each.amplitude for each in changes], dtype=complex).reshape(P, *flow.sources.amplitude.shape),
         np.array([each.exponent for each in changes], dtype=complex).reshape(P, F),
         np.array([each.begin for each in changes]).reshape(P, flow.sources.start.size),
         flow.sources.derivatives_at_start[:4],
     )  # fmt: skip
-    by, end, columns, V = start.copy(), np.empty((2, N)), start.shape[1], N + 2 * F
-    event, later = np.array(instants, dtype=np.int64).reshape(M, 2).T
+    derivative, end, columns, V = start.copy(), np.empty((2, N)), start.shape[1], N + 2 * F
+    event, after = np.array(instants, dtype=np.int64).reshape(M, 2).T
     instant = Instant(np.empty((M, V)), np.empty((M, V)), np.empty((0, V)), np.empty((M, P, 2 * F)))
-    kept = StoredDerivatives(
-        np.zeros((G + 1, columns)), np.zeros((2, G + 1)), event.copy(), later.copy(), instant, np.empty((M, N, columns))
+    stored = StoredDerivatives(
+        np.zeros((G + 1, columns)), np.zeros((2, G + 1)), event.copy(), after.copy(), instant, np.empty((M, N, columns))
     )
-    differentiate(flow.tables(), flow.inputs, log, factors, by, end, kept)
-    return MotionDerivative(end, by, kept)
+    differentiate(flow.tables(), flow.inputs, log, factors, derivative, end, stored)
+    return MotionDerivative(end, derivative, stored)
 
 
 @dataclass
@@ -416,10 +416,10 @@ class VariationalFlow(PeriodicFlow):
         """
         exact, (_, log) = self.exact, self._march(start, duration, t)
         changes, N = [self._change(p) for p in parameters], self.size
-        found = sensitivity(exact, self._outputs, log, changes, np.eye(N, N + len(changes)))
+        result = sensitivity(exact, self._outputs, log, changes, np.eye(N, N + len(changes)))
         of_segment = np.array([exact.states[k].phases for k in log.state], dtype=np.int64)
         return FlowMap(
-            start, found.end[0], found.derivative[:, :N], found.derivative[:, N:], found.end[1], duration, log.time,
+            start, result.end[0], result.derivative[:, :N], result.derivative[:, N:], result.end[1], duration, log.time,
             log.length, of_segment.reshape(log.state.size, -1), log.y, log.event_time, log.event_contact,
             log.event_before, log.event_phase,
         )  # fmt: skip
