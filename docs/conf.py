@@ -51,7 +51,7 @@ autodoc_type_aliases = {
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
-smartquotes = False  # quotes of commands are copied into shells
+smartquotes_action = "D"  # dashes; quotes of commands are copied into shells
 highlight_language = "none"  # of blocks that name no language: screens, commands
 html_theme = "furo"
 # without the commit, and without a number before the first release

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -97,6 +98,7 @@ def _words(name: str) -> str:
 
 
 def _cell(text: str) -> str:
+    text = re.sub(r"(?<![`\w])--\w[\w-]*", r"`\g<0>`", text)  # options, which are plain text in descriptions
     return " ".join(text.split()).replace("|", "\\|")
 
 
