@@ -58,7 +58,7 @@ WORST = force(1.1 * K, 1.2 * S, 2e-3 - 3e-4)
 def solved():
     """The result of the study as it stands, and the outcomes of its cases in the order in which they were solved."""
     outcomes = []
-    return design_study(study(), each=outcomes.append), outcomes
+    return design_study(study(), on_outcome=outcomes.append), outcomes
 
 
 def test_the_worst_is_the_closed_form_at_its_corner(solved):
