@@ -17,7 +17,7 @@ from PIL import Image
 import beamsim
 from beamsim.cli.html_report import draw_model
 from beamsim.kinds import KINDS
-from beamsim.plots.drawing import save_figures
+from beamsim.plots.drawing import Picture, save_figures
 
 from .configs import CONFIGS, ROOT
 
@@ -27,7 +27,7 @@ class Entry(NamedTuple):
 
     kind: str
     config: str
-    picture: str  # what the file's name ends with
+    picture: str  # its name among those of the result
     text: str
 
 
@@ -71,7 +71,11 @@ def sheet(folder: Path) -> Path:
     """Draw all pictures of all configs in ``folder``, and the sheet, whose path is returned."""
     folder.mkdir(parents=True, exist_ok=True)
     of_configs = {entry.config: entry for entry in (*ENTRIES, *MORE)}
-    drawn = [path for entry in of_configs.values() for path in (*_sketch(entry, folder), *_pictures(entry, folder))]
+    drawn = [
+        path
+        for entry in of_configs.values()
+        for path in (*_sketch(entry, folder), *save_figures(_pictures(entry), folder, entry.config))
+    ]
     rows = [_resized(drawn[first : first + COLUMNS]) for first in range(0, len(drawn), COLUMNS)]
     heights = [max(image.height for image in row) for row in rows]
     whole = Image.new("RGB", (COLUMNS * WIDTH, sum(heights)), "white")
@@ -99,11 +103,12 @@ def page(folder: Path) -> str:
         "# Gallery\n\nThis page is for readers who look for a kind of result. Every picture is one of those that the "
         "command above it writes.\n\n"
     ]
-    shown: dict[str, list[Path]] = {}
+    solved: dict[str, dict[str, Picture]] = {}
     for entry in ENTRIES:
-        if entry.config not in shown:
-            shown[entry.config] = _pictures(entry, folder)
-        (picture,) = [path for path in shown[entry.config] if path.stem == f"{entry.config}_{entry.picture}"]
+        if entry.config not in solved:
+            solved[entry.config] = _pictures(entry)
+        chosen = {entry.picture: solved[entry.config][entry.picture]}  # the others are not drawn
+        (picture,) = save_figures(chosen, folder, entry.config)
         path = CONFIGS[entry.config].relative_to(ROOT).as_posix()
         parts.append(
             f"## {entry.text.rstrip('.')}\n\n```\nbeamsim {entry.kind} {path}\n```\n\n"
@@ -112,7 +117,7 @@ def page(folder: Path) -> str:
     return "".join(parts)
 
 
-def _pictures(entry: Entry, folder: Path) -> list[Path]:
+def _pictures(entry: Entry) -> dict[str, Picture]:
     scenario = beamsim.load_scenario(CONFIGS[entry.config])
     kind = entry.kind
     if kind == "sweep":
@@ -122,7 +127,8 @@ def _pictures(entry: Entry, folder: Path) -> list[Path]:
         result = beamsim.design_study(beamsim.plan_designs(scenario))
     else:
         result = resolve_name(KINDS[kind].analysis)(scenario)
-    return save_figures(resolve_name(KINDS[kind].figures)(result), folder, entry.config)
+    pictures: dict[str, Picture] = resolve_name(KINDS[kind].figures)(result)
+    return pictures
 
 
 if __name__ == "__main__":
