@@ -1,6 +1,6 @@
 """Faults seeded into the event search, and into what resolves places: each must be caught.
 
-A copy of the package with one change in its search compiles its kernels and runs in a process of its own; events and
+A copy of the package with one change in its search runs in a process of its own, compiled or interpreted; events and
 states of its motions are compared as in `comparison`. The first systems are aimed at double eigenvalues, slow decays.
 A module that resolves places is changed as it is imported, and the tests of places run on it.
 """
@@ -145,8 +145,11 @@ print(caught([*AIMED, *range(int(sys.argv[1]), int(sys.argv[2]))], Path(sys.argv
 """
 
 
-def catch(name, first, last):
-    """What the systems of seeds first … last - 1 say about a seeded fault: the first difference, or ''."""
+def catch(name, first, last, compiled=True):
+    """What the systems of seeds first … last - 1 say about a seeded fault: the first difference, or ''.
+
+    A fault that the first of them shows is found sooner without the compilation of the kernels.
+    """
     file, text, instead = SEEDED.get(name, NONE)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
@@ -159,6 +162,7 @@ def catch(name, first, last):
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
         environment = {k: v for k, v in environment.items() if not k.startswith(("COVERAGE_", "NUMBA_CACHE_DIR"))}
         environment["NUMBA_OPT"] = "1"  # half of the compilation: the fault is one of mathematics
+        environment["NUMBA_DISABLE_JIT"] = str(int(not compiled))
         done = subprocess.run(
             [sys.executable, "-W", "ignore", "-c", CHILD, str(first), str(last), folder],
             cwd=folder,

@@ -123,7 +123,7 @@ def test_what_a_seeded_fault_changes_is_there(name):
 
 def test_a_seeded_fault_is_caught():
     """Others, and the twin without a fault, by `python -m tests.attack`."""
-    assert seeded_faults.catch("decay taken at the far end", 0, 20).startswith(
+    assert seeded_faults.catch("decay taken at the far end", 0, 20, compiled=False).startswith(
         "seed 2000000000: stop_1: 6 events of ours, 2"
     )
 

@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
-import numba
 from shipped import config_path
 
 import beamsim
+from beamsim.flow.compiled import cache_folder
 
 # One short case for each group of compiled kernels; a worker compiles its share first, all of it lands in the cache.
 # Of two workers one has those that share the kernels of the march, so that few are compiled by both.
@@ -26,9 +25,9 @@ CASES: list[tuple[str, str, dict[str, Any]]] = [
 
 
 def any_compiled() -> bool:
-    """Whether Numba's cache has any kernel."""
-    folder = Path(numba.config.CACHE_DIR or Path(beamsim.__file__).parent)
-    return next(folder.rglob("*.nbi"), None) is not None
+    """Whether Numba's cache has any kernel of these sources."""
+    folder = cache_folder()
+    return folder is not None and next(folder.rglob("*.nbi"), None) is not None
 
 
 def call(worker: int, workers: int) -> None:

@@ -25,6 +25,9 @@ SHORTENED = {
         "vary.tolerances.samples=3", "vary.tolerances.quantile=0.5", "vary.parameters[0].points=2",
     ),
     "design_tolerances sweep": ("vary.samples=10",),
+    "identify_nonlinear identify-stiffness": (
+        "identify_stiffness.nonlinear.starts=1", "identify_stiffness.nonlinear.profiles=false",
+    ),
     "earthquake run": ("run.duration=4 s", "run.convergence=off"),
     "plate_panel run": ("run.duration=0.3 s",),
     "nnm_forced_backbone nnm": ("nnm.phase_resonance.levels=[1 g]",),
