@@ -118,9 +118,13 @@ def compiled_kernels(request: pytest.FixtureRequest) -> None:
 
 @pytest.fixture(scope="session")
 def solve(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> SharedCommands:
-    """Execute a command on a shipped config, unless a test of this session has done it."""
+    """Execute a command on a shipped config, unless a test of this session has done it, or of one before it.
+
+    Sessions have what they solved in common where the environment names a folder for it.
+    """
     folder = tmp_path_factory.getbasetemp()
-    return SharedCommands((folder.parent if hasattr(request.config, "workerinput") else folder) / "solved")
+    of_session = (folder.parent if hasattr(request.config, "workerinput") else folder) / "solved"
+    return SharedCommands(Path(os.environ.get("SOLVED_COMMANDS", of_session)))
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario.base import as_plain_data
 from beamsim.scenario.jsonschema import json_schema
 
-pytestmark = pytest.mark.quick
+pytestmark = [pytest.mark.quick, pytest.mark.portable]
 
 ROOT = Path(__file__).parents[2]
 ABSURD = (

@@ -4,6 +4,8 @@ import pytest
 
 from tests.helpers.damaged_files import FORMATS, outcome, outcomes, sound
 
+pytestmark = pytest.mark.portable
+
 IN_COMPILED_CODE = {"mat5", "mat5 packed", "mat5 records"}
 """Formats whose reader can end the process: they are read in another one, by the slow test alone."""
 

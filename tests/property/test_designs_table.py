@@ -16,6 +16,8 @@ from beamsim.scenario import load_scenario
 from beamsim.trust import studies
 from beamsim.trust.studies import design_study
 
+pytestmark = pytest.mark.portable
+
 BASE = """\
 title: Small study
 beam: {length: 270 mm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700, elements: 4,

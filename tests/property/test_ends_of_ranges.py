@@ -13,7 +13,7 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario.base import as_plain_data
 from beamsim.scenario.units import UnitError
 
-pytestmark = pytest.mark.quick
+pytestmark = [pytest.mark.quick, pytest.mark.portable]
 
 FIELDS = [field for section in sections() for field in fields_of(section)]
 PLACES = sorted(places().items(), key=lambda item: item[1][0])

@@ -22,7 +22,7 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import in_si
 from beamsim.scenario.units import ACCELERATION
 
-pytestmark = pytest.mark.quick
+pytestmark = [pytest.mark.quick, pytest.mark.portable]
 
 G = 9.80665
 SIZES = {"m/s^2": 1.0, "g": G, "mm/s^2": 1e-3, "m/s²": 1.0, "cm/s2": 1e-2, "m s-2": 1.0, "in/s^2": 0.0254}

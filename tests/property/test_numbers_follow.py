@@ -17,6 +17,8 @@ from beamsim.scenario.base import Schema, path_text
 from beamsim.scenario.parameters import find_parameters, value_at, with_values
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, LevelValue, Share, meant
 
+pytestmark = pytest.mark.portable
+
 NOT_OF_A_CASE = ("title", "vary", "limits", "identify_stiffness", "nnm")
 
 

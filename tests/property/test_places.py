@@ -24,6 +24,8 @@ from beamsim.scenario.tree import parse
 from beamsim.structures.places import Link, load_site_of
 from beamsim.system.build import build_system
 
+pytestmark = pytest.mark.portable
+
 UNSHRUNK = (Phase.explicit, Phase.reuse, Phase.generate)  # what differs is said by path, on any body
 SHARES = sorted({int(share) for text in CASES.values() for _, share in MARKER.findall(text)})
 BODIES = st.tuples(st.integers(80, 2500), st.integers(80, 2500)).map(lambda mm: (mm[0] / 1000, mm[1] / 1000))

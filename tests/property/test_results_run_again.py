@@ -8,6 +8,8 @@ import pytest
 
 import beamsim
 
+pytestmark = pytest.mark.portable
+
 CASE = """\
 beam: {length: 27 cm, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2.7 g/cm^3, elements: 4,
   damping: {kind: rayleigh, ratios: [{frequency: 20 Hz, ratio: 2 %}, {frequency: 200 Hz, ratio: 3 %}]}}

@@ -13,7 +13,7 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario, units
 from beamsim.scenario.tree import parse
 
-pytestmark = pytest.mark.quick
+pytestmark = [pytest.mark.quick, pytest.mark.portable]
 
 NUMBERS = [0, -1, 7, -0.0, 1e-300, 1e308, 5e-324, float("nan"), float("inf"), 2**63, 10**40, 0.5]
 TEXTS = [

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from beamsim.errors import InputFileError
 from beamsim.measurements.tables import read_csv
 
+pytestmark = pytest.mark.portable
+
 pd = pytest.importorskip("pandas")
 
 BLANKS = {"blank": " ", "no-break": "\u00a0", "narrow": "\u202f", "thin": "\u2009"}
