@@ -12,7 +12,7 @@ from functools import cache
 from importlib.metadata import distributions
 from pathlib import Path
 
-__version__ = "0+unknown"  # a copy of the folder, without metadata and git
+__version__ = "0.0+unknown"  # a copy of the folder, without metadata and git
 _HOME = Path(__file__).parent.parent
 _installed = next(iter(distributions(name="beamsim", path=[str(_HOME)])), None)  # next to the package, nowhere else
 if _installed is not None:

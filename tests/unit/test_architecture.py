@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import pytest
 
+import beamsim
+
 pytestmark = pytest.mark.quick
 
-ROOT = Path(__file__).parents[2]
-PACKAGES = sorted(".".join(path.parent.relative_to(ROOT).parts) for path in (ROOT / "beamsim").rglob("__init__.py"))
+PACKAGE = Path(beamsim.__file__).parent
+PACKAGES = sorted(".".join(path.parent.relative_to(PACKAGE.parent).parts) for path in PACKAGE.rglob("__init__.py"))
 
 
 EXITS = ("NOT_CONVERGED", "LIMIT_EXCEEDED")
@@ -51,10 +53,10 @@ def content_of(source):
 def modules():
     """Content of every module by its dotted name; a package's name stands for its ``__init__``."""
     return {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): content_of(
+        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): content_of(
             path.read_text(encoding="utf-8")
         )
-        for path in sorted((ROOT / "beamsim").rglob("*.py"))
+        for path in sorted(PACKAGE.rglob("*.py"))
     }
 
 

@@ -14,6 +14,7 @@ from beamsim.scenario.jsonschema import json_schema
 pytestmark = pytest.mark.quick
 
 ROOT = Path(__file__).parents[2]
+PACKAGE = Path(beamsim.__file__).parent
 
 
 def test_json_schema_file_is_the_one_the_program_prints():
@@ -43,7 +44,7 @@ def test_the_cases_of_the_page_about_writing_cases_load():
 def test_files_named_in_a_document_exist(document):
     text = (ROOT / document).read_text(encoding="utf-8")
     for name in re.findall(r"(?:beamsim|configs|docs|benchmarks|tests)/[\w/.-]+\.(?:yaml|md|png|py|json)", text):
-        assert (ROOT / name).exists(), name
+        assert ((PACKAGE.parent if name.startswith("beamsim/") else ROOT) / name).exists(), name
 
 
 def test_the_set_up_of_contributing_is_the_readme_s():
@@ -53,7 +54,7 @@ def test_the_set_up_of_contributing_is_the_readme_s():
 
 def test_every_package_has_its_place_in_contributing():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    for path in (ROOT / "beamsim").iterdir():
+    for path in PACKAGE.iterdir():
         if path.is_dir() and (path / "__init__.py").exists():
             assert f"`{path.name}`" in text, path.name
 
@@ -158,14 +159,14 @@ def named_functions(text):
     """Dotted names that a page has in code font or as the first word of a line of a code block."""
     blocks = "\n".join(re.findall(r"```\n(.*?)```", text, re.S))
     found = re.findall(r"`([a-z_]+(?:\.\w+)+)`", text) + re.findall(r"^ *((?:\w+\.)+\w+)(?= |$)", blocks, re.M)
-    return {name for name in found if (ROOT / "beamsim" / name.partition(".")[0]).is_dir()}
+    return {name for name in found if (PACKAGE / name.partition(".")[0]).is_dir()}
 
 
 def is_defined(name):
     """Whether a dotted name below the package is a module, or a function, class, constant or method of one."""
     *words, last = name.split(".")
     for count in range(len(words) + 1, 0, -1):
-        path = (ROOT / "beamsim").joinpath(*[*words, last][:count])
+        path = PACKAGE.joinpath(*[*words, last][:count])
         if path.is_dir() or path.with_suffix(".py").exists():
             break
     members = [*words, last][count:]

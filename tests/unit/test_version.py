@@ -52,7 +52,7 @@ def test_a_checkout_has_the_version_of_its_commit(tmp_path):
     """As the build writes it: the last release, the commits after it and the commit."""
     package = copy(tmp_path)
     git(tmp_path, "init")
-    assert version(package) == "0+unknown"
+    assert version(package) == "0.0+unknown"
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-m", "one")
     git(tmp_path, "tag", "notes-2")
@@ -74,7 +74,7 @@ def test_a_copied_folder_does_not_take_the_version_of_another_repository(tmp_pat
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-m", "one")
     git(tmp_path, "tag", "v9.9.9")
-    assert version(copy(tmp_path / "vendor")) == "0+unknown"
+    assert version(copy(tmp_path / "vendor")) == "0.0+unknown"
 
 
 def test_the_digest_of_the_code_follows_its_files(tmp_path):

@@ -10,9 +10,12 @@ from typing import NamedTuple
 import pytest
 import yaml
 
+import beamsim
+
 pytestmark = pytest.mark.quick
 
 ROOT = Path(__file__).parents[2]
+PACKAGE = Path(beamsim.__file__).parent
 WORDS = ROOT / "tests" / "data" / "words.yaml"
 
 
@@ -50,9 +53,9 @@ def definitions(tree, place):
 def all_definitions():
     """The same of the package, with the modules themselves, whose place is their folder."""
     found = []
-    for path in sorted((ROOT / "beamsim").rglob("*.py")):
-        found.append(Definition(path.stem, path.parent.relative_to(ROOT).as_posix(), "module"))
-        found += definitions(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix())
+    for path in sorted(PACKAGE.rglob("*.py")):
+        found.append(Definition(path.stem, path.parent.relative_to(PACKAGE.parent).as_posix(), "module"))
+        found += definitions(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(PACKAGE.parent).as_posix())
     return found
 
 
@@ -147,8 +150,8 @@ def test_plain_packages_have_no_private_words():
     """In names, strings, docstrings and comments."""
     found = []
     for package in PLAIN:
-        for path in sorted((ROOT / "beamsim" / package).rglob("*.py")):
-            found += private_words(path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix())
+        for path in sorted((PACKAGE / package).rglob("*.py")):
+            found += private_words(path.read_text(encoding="utf-8"), path.relative_to(PACKAGE.parent).as_posix())
     assert found == []
 
 
