@@ -12,6 +12,7 @@ from beamsim.cli.tables import table_rows
 from beamsim.outcomes import stop_requests
 from beamsim.results.result import ALLOWED_ERROR
 from beamsim.scenario import load_scenario
+from tests.helpers.branches import long_steps
 
 BEAM = {"length": 0.27, "bending_stiffness": 2.0, "mass_per_length": 0.25, "damping": {"kind": "modal", "ratio": 0.05}}
 TIP = {"name": "tip", "position": 0.27, "side": "below", "stiffness": "10 kN/m", "gap": "0.1 mm"}
@@ -175,29 +176,34 @@ def test_limits_near_values_that_change_are_neither_met_nor_exceeded(sweep):
     more = {"sweep": sweep} if sweep else {}
     analysis = beamsim.continuation if sweep else beamsim.sweep
     far = {"peak_force": "1 MN", "peak_displacement": "1 m", "peak_acceleration": "1e6 g", "gap": "1 m"}
-    first = analysis(case(1, limits=far, **more)).summary["margins"]
+    with long_steps():
+        first = analysis(case(1, limits=far, **more)).summary["margins"]
     assert {item["verdict"] for item in first.values()} == {"ok"}
     assert all(item["lowest"] < item["value"] < item["highest"] for item in first.values())
     near = {name: 0.5 * (item["value"] + item["highest"]) for name, item in first.items()}
-    again = analysis(case(1, limits=near, **more)).summary["margins"]
+    with long_steps():
+        again = analysis(case(1, limits=near, **more)).summary["margins"]
     assert {item["verdict"] for item in again.values()} == {"not reliable"}
     below = {name: 0.99 * item["lowest"] for name, item in first.items()}
-    again = analysis(case(1, limits=below, **more)).summary["margins"]
+    with long_steps():
+        again = analysis(case(1, limits=below, **more)).summary["margins"]
     assert {item["verdict"] for item in again.values()} == {"exceeded"}
 
 
 def test_a_value_that_the_finer_model_does_not_have_does_not_say_that_it_stays():
     """No motion between 50 and 56 Hz is stable in the finer model: the change was 0."""
     limits = {"peak_force": "1 MN"}
-    result = beamsim.continuation(case(1, limits=limits, sweep=PATH | {"convergence": "on"}))
-    finer = beamsim.continuation(case(2, limits=limits, sweep=PATH, beam=BEAM | {"elements": 40}))
+    with long_steps():
+        result = beamsim.continuation(case(1, limits=limits, sweep=PATH | {"convergence": "on"}))
+        finer = beamsim.continuation(case(2, limits=limits, sweep=PATH, beam=BEAM | {"elements": 40}))
     assert math.isfinite(result.summary["margins"]["peak_force"]["value"])
     assert math.isnan(finer.summary["margins"]["peak_force"]["value"])
     assert "tip" not in result.summary["convergence"]["peak_force_n"]
     assert result.summary["margins"]["peak_force"]["verdict"] == "not reliable"
     assert finer.summary["margins"]["peak_force"]["verdict"] == "not reliable"
     vary = {"kind": "grid", "parameters": [{"path": "excitation.level", "values": ["2 g"]}]}
-    study = beamsim.design_study(case(1, limits=limits, sweep=PATH | {"convergence": "on"}, vary=vary))
+    with long_steps():
+        study = beamsim.design_study(case(1, limits=limits, sweep=PATH | {"convergence": "on"}, vary=vary))
     assert study["cases"]["passing"].values.tolist() == [False]
     assert study.summary["margins"]["peak_force"]["verdict"] == "not reliable"
 

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 import beamsim
+from tests.helpers.branches import long_steps
 
 FOLLOWED = {"kind": "continuation", "from": "75 Hz", "to": "75.1 Hz"}
 FOUND = {
@@ -36,19 +37,24 @@ def struck_beam(mass: str = "", modes: int = 6, sweep: dict[str, Any] | None = N
 @pytest.mark.parametrize("sweep", [FOLLOWED, FOUND], ids=["continuation", "coexisting"])
 def test_a_limit_on_an_acceleration_that_grows_is_not_reliable(sweep: dict[str, Any]) -> None:
     compute = beamsim.continuation if sweep is FOLLOWED else beamsim.coexisting
-    summary = compute(struck_beam(sweep=sweep)).summary
+    with long_steps():
+        summary = compute(struck_beam(sweep=sweep)).summary
     assert summary["without_limit"] == ["peak_acceleration_g.tip"]
     assert summary["margins"]["peak_acceleration"]["verdict"] == "not reliable"
 
 
 def test_it_grows_as_stated() -> None:
     """At the contact of a beam without mass in proportion to the modes; not in the middle."""
-    few, many = (beamsim.continuation(struck_beam(modes=modes)).summary["peak_acceleration_g"] for modes in (10, 20))
+    with long_steps():
+        few, many = (
+            beamsim.continuation(struck_beam(modes=modes)).summary["peak_acceleration_g"] for modes in (10, 20)
+        )
     assert many["tip"] > 1.5 * few["tip"]
     assert many["middle"] == pytest.approx(few["middle"], rel=0.05)
 
 
 def test_a_mass_at_the_contact_gives_it_a_limit() -> None:
-    summary = beamsim.continuation(struck_beam("20 g")).summary
+    with long_steps():
+        summary = beamsim.continuation(struck_beam("20 g")).summary
     assert "without_limit" not in summary
     assert summary["margins"]["peak_acceleration"]["verdict"] == "ok"

@@ -17,7 +17,7 @@ from tests.helpers.tables import estimates, modes, profiles, variables
 
 BASE = {
     "beam": {
-        "length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 10,
+        "length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700.0, "elements": 6,
         "point_masses": [{"position": 0.135, "mass": 0.004}, {"position": 0.27, "mass": 0.004}],
     },
     "snubbers": [{"name": "tip", "position": 0.27, "side": "below", "stiffness": 150e3}],

@@ -8,6 +8,7 @@ import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.scenario import load_scenario
 from beamsim.store.results import load, write_result
+from tests.helpers.branches import long_steps
 
 BEAM = {"kind": "beam", "length": 0.5, "width": 0.04, "thickness": 0.006, "youngs_modulus": 70e9, "density": 2700.0,
         "elements": 5, "damping": {"kind": "viscous", "coefficient": 20.0}}  # fmt: skip
@@ -81,7 +82,8 @@ def test_steady_outputs_are_those_of_the_settled_run(excitation, tmp_path):
         assert output.mean[-1] == pytest.approx(x[:-1].mean(), abs=1e-4 * size)
         assert output.rms[-1] == pytest.approx(np.sqrt(np.mean(x[:-1] ** 2)), rel=1e-4)
     for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 41}):
-        followed = beamsim.continuation(case(excitation, outputs=outputs, sweep={**CONTINUED, "method": method}))
+        with long_steps():
+            followed = beamsim.continuation(case(excitation, outputs=outputs, sweep={**CONTINUED, "method": method}))
         branch = followed.branches[0]
         k = int(np.argmin(np.abs(branch["frequency_hz"].values - 25.0)))
         tolerance = 3e-3 if method["kind"] == "shooting" else 2e-2  # accelerations of 41 harmonics

@@ -7,7 +7,7 @@ import beamsim
 from beamsim.analyses.sweep.analysis import sweep as sweep_alone
 from beamsim.results.branch import harmonics_of
 from beamsim.scenario import load_scenario
-from tests.helpers.branches import peaks_of
+from tests.helpers.branches import long_steps, peaks_of
 from tests.helpers.independent import Beam
 
 L, W, H, E, RHO, BETA = 0.9, 0.03, 0.004, 70e9, 2700.0, 3e-3
@@ -86,7 +86,8 @@ def test_the_linear_response_is_that_of_independent_matrices(forces):
     ):
         expected = receptances(hz, *forces)
         np.testing.assert_allclose(of, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
-    followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "from": 20.0, "to": 30.0}))
+    with long_steps():
+        followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "from": 20.0, "to": 30.0}))
     branch = followed.branches[0]
     expected = np.abs(receptances(branch["frequency_hz"].values, *forces))
     np.testing.assert_allclose(peaks_of(branch, "p"), expected, rtol=0, atol=1e-7 * expected.max())
@@ -104,7 +105,8 @@ def test_stepped_sine_continuation_and_balance_meet_the_settled_run(forces):
     of = stepped.channel("displacement", "p").harmonics[list(stepped.orders).index(1.0), -1]
     assert abs(of - first) < 1e-6 * abs(first)
     for method in ({"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 63}):
-        followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "method": method}, **stop))
+        with long_steps():
+            followed = beamsim.continuation(case(*forces, sweep={**CONTINUED, "method": method}, **stop))
         branch = followed.branches[0]
         k = int(np.argmin(np.abs(branch["frequency_hz"].values - 25.0)))
         assert abs(branch["frequency_hz"].values[k] - 25.0) < 1e-9

@@ -1,8 +1,23 @@
 """What tests ask of branches of periodic motions: their special points, and complex values."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 
+import pytest
+
+from beamsim.orbits.continuation import Settings
+
 COLUMNS = ("branch", "kind", "parameter", "frequency_hz", "snubber", "time_s")
+
+
+@contextmanager
+def long_steps() -> Iterator[None]:
+    """Branches are followed in few long steps: for tests that compare their ends, or a point that they ask for."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("beamsim.orbits.tracing.Settings", partial(Settings, step=0.1, largest_step=0.25))
+        yield
 
 
 def events_of(result, branch=None):

@@ -19,6 +19,7 @@ from beamsim.results.values import peaks_in
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
 from beamsim.system.build import build_family, build_system
+from tests.helpers.branches import long_steps
 
 STOP = {
     "name": "tip", "position": 0.23, "side": "below", "stiffness": 151.1e3, "gap": 1e-4, "mounted_on": "ground",
@@ -138,7 +139,9 @@ def followed(scenario: dict, key: str, ends: tuple[float, float]):
     if key != LEVEL:
         along["snubber"] = scenario["snubbers"][0]["name"]
     alone = {"longest_period": 1, "seek_at": 0, "side_branches": "none"}
-    result = continuation(load_scenario({**scenario, "sweep": {"kind": "continuation", "continue_in": along, **alone}}))
+    section = {"kind": "continuation", "continue_in": along, **alone}
+    with long_steps():
+        result = continuation(load_scenario({**scenario, "sweep": section}))
     return result.branches[0]
 
 

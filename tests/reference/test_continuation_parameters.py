@@ -10,7 +10,7 @@ from beamsim.responses.parameters import VariedSnubber
 from beamsim.scenario import load_scenario
 from beamsim.structures.places import Place
 from beamsim.system.build import build_family, build_system
-from tests.helpers.branches import peaks_of
+from tests.helpers.branches import long_steps, peaks_of
 
 BEAM = config_path("one_sided_65hz")
 
@@ -24,7 +24,8 @@ PATHS = {
 
 def followed(path, **changes):
     sweep = f"{{kind: continuation, continue_in: {path}, longest_period: 1, seek_at: 0}}"
-    return continuation(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
+    with long_steps():
+        return continuation(load_scenario(BEAM, [f"sweep={sweep}", *(f"{k}={v}" for k, v in changes.items())]))
 
 
 @pytest.fixture(scope="module", params=["gap", "position", "level", "stiffness"])
@@ -117,7 +118,8 @@ def test_extremes_are_those_of_a_stepped_sine():
     stepped = sweep(
         load_scenario(BEAM, ["sweep={kind: stepped, from: 78 Hz, to: 80 Hz, points: 2, steady_to: 1e-9}", limits])
     ).curves["up_0"]
-    curve = continuation(load_scenario(BEAM, ["sweep={kind: continuation, from: 78 Hz, to: 80 Hz}", limits]))
+    with long_steps():
+        curve = continuation(load_scenario(BEAM, ["sweep={kind: continuation, from: 78 Hz, to: 80 Hz}", limits]))
     branch = curve.branches[0]
     assert branch["stable"].values[0]
     pairs = [

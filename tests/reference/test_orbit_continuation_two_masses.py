@@ -36,7 +36,7 @@ def flow_of(make_system):
 
 def walk(problem, low=0.5, high=0.8, **settings):
     start = find_orbit(problem, forward=-1)
-    branch = Branch(problem, start, low, high, Settings(**settings))
+    branch = Branch(problem, start, low, high, Settings(**{"step": 0.05, "largest_step": 0.15} | settings))
     points, special = [], []
     for point in branch:
         if points:

@@ -9,7 +9,7 @@ import beamsim
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
-from tests.helpers.branches import multipliers, peaks_of
+from tests.helpers.branches import long_steps, multipliers, peaks_of
 
 BEAM = Path(__file__).parents[2] / "configs/one_sided_65hz.yaml"
 LAW = "snubbers[0].law"
@@ -22,7 +22,8 @@ def folder(tmp_path_factory):
 
 def continued(folder, name, sweep, *changes):
     case = load_scenario(BEAM, [f"sweep={{kind: continuation, seek_at: 0, longest_period: 1, {sweep}}}", *changes])
-    result = beamsim.continuation(case)
+    with long_steps():
+        result = beamsim.continuation(case)
     return beamsim.write_result(result, folder / f"{name}.h5"), result.branches[0]
 
 
