@@ -18,7 +18,7 @@ from beamsim.orbits.shooting import ForcedOrbits, find_orbit
 from beamsim.orbits.special_points import special_points
 from beamsim.responses.parameters import response_model
 from beamsim.scenario import load_scenario
-from tests.helpers.branches import events_of
+from tests.helpers.branches import events_of, long_steps
 
 MIX = np.linalg.qr(np.random.default_rng(3).normal(size=(4, 4)))[0]
 
@@ -109,7 +109,8 @@ def test_where_a_duffing_oscillator_loses_its_symmetry():
             "seek_at": 0, "side_branches": "none",
         },
     }  # fmt: skip
-    (special,) = events_of(continuation(load_scenario(case)))
+    with long_steps():
+        (special,) = events_of(continuation(load_scenario(case)))
     assert special.kind == "branch_point"
 
     def turned(state, level):

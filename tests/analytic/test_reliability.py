@@ -491,9 +491,9 @@ def test_a_matched_record_is_another_one_in_every_history(solved_by):
 
 def test_a_study_goes_on_where_it_ended(solved_by):
     solved_by(lambda *springs: sum(springs))
-    case, kept, asked = of_springs(3.0, samples=300), [], []
+    case, kept, asked = of_springs(3.0, samples=100), [], []
     whole = found(case)[1]
-    part = design_study(case, workers=1, on_outcome=kept.append, stop=lambda: len(kept) > 1000)
+    part = design_study(case, workers=1, on_outcome=kept.append, stop=lambda: len(kept) > 300)
     assert "reliability" not in part.summary
     assert part.outcome.code == "cases_missing"
     rest = found(case, solved_before=kept, on_outcome=asked.append)[1]

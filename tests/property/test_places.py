@@ -152,11 +152,11 @@ def check_all(text):
         check_cases(plan_designs(scenario))
 
 
-@pytest.mark.parametrize("case", ["beam", "plate"])
-def test_a_run_is_the_same_in_percent_and_in_a_unit(case):
-    cases = [load_scenario(text_of(case, unit, (0.43, 0.31)), {"run.convergence": "off"}) for unit in UNITS]
+@pytest.mark.parametrize(("case", "unit"), [("beam", "metres"), ("plate", "millimetres")])
+def test_a_run_is_the_same_in_percent_and_in_a_unit(case, unit):
+    cases = [load_scenario(text_of(case, of, (0.43, 0.31)), {"run.convergence": "off"}) for of in ("percent", unit)]
     motions = [histories(beamsim.run(each)) for each in cases]
-    assert motions[0].keys() == motions[1].keys() == motions[2].keys()
+    assert motions[0].keys() == motions[1].keys()
     assert {"output w", "displacement of a"} <= motions[0].keys()
     for name, values in motions[0].items():
         largest = values.max(initial=0.0)

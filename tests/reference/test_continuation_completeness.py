@@ -1,5 +1,7 @@
 """What a response curve holds: coexisting and symmetry-broken motions, maxima between points, what was left out."""
 
+import itertools
+
 import numpy as np
 import pytest
 from sampling import first_apart
@@ -207,8 +209,10 @@ def test_no_stable_point_is_in_a_band_without_a_stable_motion():
         assert not np.any((stable > low * (1 + 1e-9)) & (stable < high * (1 - 1e-9))), (low, high)
 
 
-@first_apart("demanded", 1, [True, False])
-@first_apart("limit", 1, ["most_side_points: 5", "most_points: 150", "most_branches: 2"])
+LIMITS = ["most_side_points: 5", "most_points: 150", "most_branches: 2"]
+
+
+@first_apart(("limit", "demanded"), 1, itertools.product(LIMITS, [True, False]))
 def test_a_limit_that_is_reached_is_an_outcome(limit, demanded):
     more = "side_branches: required, " if demanded else ""
     result = curve(config_path("continuation_60_120hz"), sweep_of(96, 120, f"seek_at: 0, {more}{limit}"))
