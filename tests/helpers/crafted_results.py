@@ -35,12 +35,11 @@ ATTRIBUTES = (
 NUMBERS = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e-320, 1e300, -1e300, 2**62)
 
 
-def sound_items(packed, folder):
-    """The items of a kept result."""
+def unpacked(packed, folder):
+    """The file of a kept result."""
     path = folder / packed.name.removesuffix(".gz")
     path.write_bytes(gzip.decompress(packed.read_bytes()))
-    with h5py.File(path) as file:
-        return read_items(file)
+    return h5py.File(path)
 
 
 def _any(rng, values):
@@ -180,8 +179,10 @@ def write_crafted(number, folder):
     """
     rng = np.random.default_rng(number)
     packed = SOUND[number % len(SOUND)]
-    items = sound_items(packed, folder)
-    others = [str(sound_items(each, folder)["/"].attributes["scenario"]) for each in (_any(rng, SOUND),)]
+    with unpacked(packed, folder) as file:
+        items = read_items(file)
+    with unpacked(_any(rng, SOUND), folder) as file:
+        others = [str(file.attrs["scenario"])]
     craft(items, others, rng)
     path = folder / f"crafted_{packed.name.partition('.')[0]}.h5"
     path.unlink(missing_ok=True)

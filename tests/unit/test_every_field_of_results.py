@@ -75,7 +75,7 @@ def described(items):
     }
 
 
-@first_apart(("seed", "kind"), len(KINDS), product(range(2), KINDS))
+@first_apart(("seed", "kind"), len(KINDS), [*product([0], KINDS), *product([1], list(KINDS)[::3])])
 def test_every_variable_comes_back_from_the_file(kind, seed, tmp_path):
     result = result_of(kind, seed, optional=0.7 if seed else 1.0)
     read = load(write_result(result, tmp_path / "made.h5"), kind)

@@ -52,8 +52,7 @@ ERRORS = {
     divide: "internal error (ZeroDivisionError: division by zero) in 2 attempts",
 }
 WAYS = [
-    *((workers, how, text) for workers in (1, 2) for how, text in ERRORS.items()),
-    (2, end, DEATH), (2, kill, DEATH),
+    (1, need_memory, ERRORS[need_memory]), (1, divide, ERRORS[divide]), (2, divide, ERRORS[divide]), (2, kill, DEATH),
 ]  # fmt: skip
 
 

@@ -616,7 +616,7 @@ def test_damage_is_stated_of_the_run_and_of_the_test_with_a_life_in_years():
 
 def test_a_study_counts_the_cases_that_are_undecided():
     """The verdict on all of them is undecided if none exceeds the limit and none is without reliable values."""
-    result = in_test(250.0)
+    result = in_test(250.0, sample_rate=1000.0)
     of = result.summary["margins"]["peak_force"]
     limit = 0.5 * (of["interval_low"] + of["interval_high"])
     case = load_scenario(result.scenario.model_dump(exclude_unset=True, by_alias=True)
