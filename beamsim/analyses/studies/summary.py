@@ -572,5 +572,7 @@ _KINDS_OF_CASES: tuple[tuple[OutcomeKind, str, str, Callable[[CaseOutcome], bool
     (OutcomeKind.INCOMPLETE, "cases_failed", "failed", lambda of: of.failed),
     (OutcomeKind.UNTRUSTED, "cases_not_reliable", "are not reliable", lambda of: not of.outcome.trusted),
     (OutcomeKind.INCOMPLETE, "cases_incomplete", "are incomplete", lambda of: of.outcome.cut_short),
+    (OutcomeKind.NOT_HELD, "cases_not_held", "are not held to the limits of the sweep",
+     lambda of: of.outcome.gravest_kind is OutcomeKind.NOT_HELD),
     (OutcomeKind.DOUBTFUL, "cases_doubtful", "are not converged", lambda of: not of.outcome.complete),
 )  # fmt: skip
