@@ -36,6 +36,7 @@ SHORTENED = {
     "sweep_notched sweep": ("sweep.to=67 Hz",),
     "sweep_one_sided_2g sweep": ("sweep.from=50 Hz", "sweep.to=110 Hz", "sweep.rate=32 oct/min"),
     "sweep_up_down sweep": ("sweep.from=50 Hz", "sweep.to=110 Hz", "sweep.rate=32 oct/min", "sweep.levels=[1 g]"),
+    "vibeams_backbone nnm": ("nnm.phase_resonance.levels=[0.028 m/s^2]", "nnm.phase_resonance.periods=5"),
     "vibeams sweep": ("sweep.from=28.5 Hz", "sweep.to=28.7 Hz", "sweep.levels=[0.028 m/s^2]"),
 }  # fmt: skip
 """Config and command -> changes that make it short for those who read its screen, its file or its pictures."""

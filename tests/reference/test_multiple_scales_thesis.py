@@ -5,11 +5,13 @@ import pytest
 from sampling import first_apart
 from shipped import config_path
 
+import beamsim
 from beamsim.analyses.nnm.analysis import conservative_system, nnm
 from beamsim.analyses.nnm.comparisons import compare_expansion, expansion_path
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
+from tests.helpers.solved import words_of
 
 BEAM = {
     "length": 0.27, "width": 0.05, "thickness": 0.005, "youngs_modulus": 69e9, "density": 2700, "elements": 10,
@@ -123,10 +125,10 @@ CHAPTER_4 = {
 
 
 @first_apart("name", 3, CHAPTER_4)
-def test_configs_of_chapter_4(name):
+def test_configs_of_chapter_4(name, solve):
     """What `beamsim nnm` reports at the thesis's factors; orders 2 and 3 where factors are small."""
     factor, first, exact = CHAPTER_4[name]
-    result = nnm(load_scenario(config_path(name)))
+    result = beamsim.load(solve(*words_of("nnm", config_path(name))).file)
     assert result.complete
     s = result.summary["multiple_scales"]
     assert s["factor"][0] == factor
