@@ -57,6 +57,8 @@ class Finding:
     seconds: tuple = (0.0, 0.0)  # ours; the package, and ours with finer steps where these differ
     finer: int = 1
     reason: str = ""  # why a difference is none of the package
+    deviation: float = 0.0  # largest difference of the probe's displacement, over its largest displacement
+    used: float = 0.0  # largest part of the allowed difference that it takes
 
 
 @dataclass(frozen=True)
@@ -226,6 +228,9 @@ def _against_package(finding, case, own):
         *_peaks(own, result, slack[-1]),
     ]
     finding.periods, finding.share = end / own.equations.periods()[1], end / own.whole
+    if size := _displacement_size(own):
+        error = np.abs(np.subtract(*_displacements(own, result, finding.finer))) / size
+        finding.deviation, finding.used = float(error.max()), float(np.max(error / slack))
     if finding.differences:
         finding.outcome = "differs"
     return finding
@@ -448,15 +453,23 @@ def _at_a_bend(own, contact, end, slack):
     return ends or np.any(np.abs(np.subtract.outer(stretch[turns], law.of.bends)) < near + farther[:, None])
 
 
+def _displacements(own, result, finer):
+    """The probe's displacement at the outputs, m: ours, and the package's."""
+    ours = own.equations.displacement(own.motion.y[own.outputs], "probe")
+    return ours, result["histories"]["displacement"].sel(probe="probe").values[finer::finer]
+
+
+def _displacement_size(own):
+    """The largest displacement that the probe can have, m, also in a motion that has decayed at the first output."""
+    return max(own.probe * own.size, own.motion.largest[own.outputs[-1], :2].max())
+
+
 def _states(own, result, slack, finer):
     """Displacement of the probe and stored energy at the outputs."""
     found = []
     equations, motion = own.equations, own.motion
-    ours = equations.displacement(motion.y[own.outputs], "probe")
-    theirs = result["histories"]["displacement"].sel(probe="probe").values[finer::finer]
-    error = np.abs(ours - theirs)
-    between = motion.largest[own.outputs[-1], :2].max()  # of a motion that has decayed at the first output
-    allowed = slack * max(own.probe * own.size, between)
+    ours, theirs = _displacements(own, result, finer)
+    error, allowed = np.abs(ours - theirs), slack * _displacement_size(own)
     if np.any(~(error <= allowed)):
         k = int(np.argmax(~(error <= allowed)))
         found.append(

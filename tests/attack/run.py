@@ -7,9 +7,12 @@ system is written as it comes (`attack.systems.jsonl` beside `attack.json`); the
 """
 
 import argparse
+import datetime
 import json
 import multiprocessing
 import os
+import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -110,6 +113,31 @@ def report_systems(findings):
     return lines, faults + slow
 
 
+def add_to_table(path, first, findings):
+    """Append counts and largest deviation of the systems of one call to a table, with date and commit."""
+    import yaml
+    from comparison import summarise
+
+    table = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else []
+    outcomes, _, _ = summarise(findings)
+    compared = [finding for finding in findings if finding.outcome == "agrees"]
+    commit = ["git", "rev-parse", "--short=8", "HEAD"]
+    table.append({
+        "date": datetime.date.today().isoformat(),
+        "commit": subprocess.run(commit, cwd=HERE, capture_output=True, text=True, check=True).stdout.strip(),
+        "first_seed": first,
+        "systems": len(findings),
+        "contact_events": sum(finding.events for finding in compared),
+        "outcomes": dict(outcomes.most_common()),
+        "median_deviation": float(f"{statistics.median(f.deviation for f in compared):.2g}"),
+        "largest_deviation": float(f"{max(f.deviation for f in compared):.2g}"),
+        "largest_part_of_the_allowed": float(f"{max(f.used for f in compared):.2g}"),
+        "differing": {f.seed: f"{'; '.join(f.differences)} (deviation {f.deviation:.1g})"
+                      for f in findings if f.differences},
+    })  # fmt: skip
+    path.write_text(yaml.safe_dump(table, sort_keys=False, width=200), encoding="utf-8")
+
+
 def rewritten(first, count, say):
     """Lines about scenarios that are written in other words, and what differs."""
     from rewritten import rewrite
@@ -140,6 +168,7 @@ def main():
     kinds = f"from {MORE} on with all laws and inputs, from {ASSEMBLIES} on of assemblies"
     parser.add_argument("--seed", type=int, default=1, help=f"the first one; systems are {kinds}")
     parser.add_argument("--output", type=Path, default=Path("attack.json"))
+    parser.add_argument("--table", type=Path, help="YAML file to which counts of the systems are appended")
     options = parser.parse_args()
     if not 0 <= options.seed <= LARGE - options.systems:
         parser.error(f"--seed: seeds of systems are from 0 to {LARGE - 1}; those of many modes are added by --large")
@@ -166,6 +195,8 @@ def main():
         if count:
             findings = systems(first + options.seed, count, options.jobs, say, file)
             keep(name, *report_systems(findings))
+            if options.table:
+                add_to_table(options.table, first + options.seed, findings)
     if options.rewritten:
         keep("scenarios in other words", *rewritten(options.seed, options.rewritten, say))
     if options.faults:
