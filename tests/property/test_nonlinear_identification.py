@@ -402,8 +402,9 @@ def test_a_gain_that_is_known_is_that_of_the_recorded_values():
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """White noise, a random begin, and a wrong gain that is fitted. `python -m benchmarks.identification_coverage` has
-    500 tests; of these 40 a share of 95 % gives at least 34, but for a chance of 1 in 300."""
-    held = coverage.holding(range(40))
+    500 tests; of these 24 a share of 95 % gives at least 19, but for a chance of 1 in 1,000. With intervals of 60 % of
+    their width 18 hold the stiffness."""
+    held = coverage.holding(range(24))
     assert set(held) == set(coverage.TRUTH)
-    assert all(count >= 34 for count in held.values())
-    assert any(count < 40 for count in held.values())
+    assert all(count >= 19 for count in held.values())
+    assert any(count < 24 for count in held.values())
