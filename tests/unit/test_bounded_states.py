@@ -39,8 +39,7 @@ def unbounded(law):
     return simulate(flow_of(None, law), np.zeros(2 * N))
 
 
-@pytest.mark.parametrize("law", [kelvin_voigt, no_tension])
-@pytest.mark.parametrize("most", [2, 5])
+@pytest.mark.parametrize(("law", "most"), [(kelvin_voigt, 2), (no_tension, 5)])
 def test_everything_is_that_of_a_motion_that_keeps_all(law, most):
     whole, bounded = unbounded(law), simulate(flow_of(most, law), np.zeros(2 * N))
     assert len(whole.flow.states) > 12

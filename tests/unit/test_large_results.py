@@ -116,10 +116,10 @@ def same(one, other):
 
 
 def test_results_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_path, monkeypatch):
-    path = write_result(fabricated_run(), tmp_path / "case.h5")
+    path = write_result(fabricated_run(rate=1e3), tmp_path / "case.h5")
     read_at_once = load(path)
     monkeypatch.setattr(results, "CHUNK_BYTES", 200)
-    path = write_result(fabricated_run(), tmp_path / "case.h5")
+    path = write_result(fabricated_run(rate=1e3), tmp_path / "case.h5")
     result, items = open_with_items(path)
     stored = [item for item in items.values() if isinstance(item.array, StoredArray)]
     assert len(stored) > 30
@@ -130,11 +130,11 @@ def test_results_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_pat
 
 
 def test_exports_are_the_same_whichever_arrays_are_large(fabricated_run, tmp_path, monkeypatch):
-    path = write_result(fabricated_run(), tmp_path / "case.h5")
+    path = write_result(fabricated_run(rate=1e3), tmp_path / "case.h5")
     tables = export_result(path, tmp_path / "whole", "csv")
     monkeypatch.setattr(results, "CHUNK_BYTES", 200)
-    monkeypatch.setattr("beamsim.store.export.ROWS_AT_ONCE", 1500)
-    write_result(fabricated_run(), path)
+    monkeypatch.setattr("beamsim.store.export.ROWS_AT_ONCE", 150)
+    write_result(fabricated_run(rate=1e3), path)
     again = export_result(path, tmp_path / "again", "csv")
     assert len(tables) == len(again)
     for one, other in zip(tables, again, strict=True):
