@@ -11,6 +11,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
 from pkgutil import resolve_name
 from typing import Any, NamedTuple, get_args
 
@@ -39,11 +40,16 @@ class Cell(NamedTuple):
 
 def all_rows(kind: str, result: Result) -> Iterator[Row]:
     """Label and text of all rows of a result's table: the first screen, then the complete summary."""
+    yield from _first_rows(kind, result)
+    yield from table_rows(result)
+
+
+def _first_rows(kind: str, result: Result) -> Iterator[Row]:
+    """Label and text of the rows of the first screen."""
     screen = resolve_name(KINDS[kind].screen)(result)
     yield from _labelled("status", filter(None, screen.status(result)))
     yield from _labelled("understood", filter(None, [interpretation_text(result)]))
     yield from _labelled("result", screen.body())
-    yield from table_rows(result)
 
 
 def table_rows(result: Result) -> Iterator[Row]:
@@ -68,6 +74,14 @@ def text_table(kind: str, result: Result) -> str:
     """Table of a result as text, for the Python prompt, in the units of the scenario."""
     with use_units(result.scenario.display_scales):
         return table_text(result.title, list(all_rows(kind, result)))
+
+
+def html_table(kind: str, result: Result) -> str:
+    """Table of a result for a notebook: the first screen, below it all other values, which unfold on a click."""
+    with use_units(result.scenario.display_scales):
+        first = escape(table_text(result.title, list(_first_rows(kind, result))))
+        others = escape(table_text("", list(table_rows(result))).lstrip("\n"))
+    return f"<pre>{first}</pre><details><summary>All values</summary><pre>{others}</pre></details>"
 
 
 def print_table(title: str, rows: Sequence[tuple[str, str]]) -> None:

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
-from html import escape
 from importlib.metadata import version
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -325,8 +324,8 @@ class Result:
         return resolve_name("beamsim.store.export:data_tree")(self)  # type: ignore[no-any-return]
 
     def _repr_html_(self) -> str:
-        """Return the printed table as HTML, for notebooks."""
-        return f"<pre>{escape(str(self))}</pre>"
+        """Return the printed table as HTML, for notebooks: the first screen, and all values to unfold."""
+        return str(resolve_name("beamsim.cli.tables:html_table")(self.KIND, self))
 
 
 def _far_limits(result: Result) -> Iterator[str]:
