@@ -220,9 +220,7 @@ def body_figures(result: RunResult) -> dict[str, Picture]:
     """Deflections of every body, mode shapes of plates and of several bodies, by the last part of the file name."""
     figures: dict[str, Picture] = {}
     bodies = result["bodies"].groups("station_body") if "bodies" in result.datasets else {}
-    plates = {
-        name: body for name, body in bodies.items() if "position_y" in body and np.isfinite(body["position_y"]).all()
-    }
+    plates = {name: b for name, b in bodies.items() if "position_y" in b and np.isfinite(b["position_y"]).all()}
     if beams := [name for name in bodies if name not in plates]:
         figures["deflected_shapes"] = Picture(result.title, [deflected_shapes(result, name) for name in beams])
     for name, plate in plates.items():

@@ -340,7 +340,7 @@ def _suited_window(scenario: Scenario, record: MotionRecord) -> str:
     return "hann"
 
 
-def lines_of_record(record: SpectrumRecord, reference_lines: Dataset) -> tuple[Floats, Floats]:
+def lines_of_record(record: SpectrumRecord, lines: Dataset) -> tuple[Floats, Floats]:
     """Match the lines of a signal in another record: (k,) frequencies, Hz, and amplitudes, the mean first.
 
     The lines of the other record are found by the same method. Orders of the excitation keep their frequency. Any other
@@ -350,19 +350,14 @@ def lines_of_record(record: SpectrumRecord, reference_lines: Dataset) -> tuple[F
     Parameters
     ----------
     record : record of the other motion.
-    reference_lines : `SPECTRA` with the lines of this signal only.
+    lines : `SPECTRA` with the lines of this signal only.
     """
-    size, level, every_hz = (
-        reference_lines[f"line_{name}"].values for name in ("amplitude", "amplitude_db", "frequency_hz")
-    )
+    size, level, every_hz = (lines[f"line_{name}"].values for name in ("amplitude", "amplitude_db", "frequency_hz"))
     if not size.any():  # a signal at rest
         return every_hz, size
-    excitation_hz, one_sided = (
-        reference_lines["excitation_hz"].item(),
-        Window.of_name(reference_lines["window"].item()).one_sided,
-    )
+    excitation_hz, one_sided = lines["excitation_hz"].item(), Window.of_name(lines["window"].item()).one_sided
     peak = float(size.max() / 10.0 ** (level[size.argmax()] / 20.0))
-    frequency, free = every_hz[1:], np.isin(reference_lines["line_kind"].values[1:], ("other", "residual"))
+    frequency, free = every_hz[1:], np.isin(lines["line_kind"].values[1:], ("other", "residual"))
     fit = lines_of(record, Levels(peak, peak, peak), one_sided, excitation_hz, (), frequency[free].tolist())
     found = np.array(fit.frequency_hz)
     away = np.abs(found - frequency[:, None])
