@@ -307,8 +307,8 @@ def force_deflection(result: RunResult, unit: str = "N") -> Chart:
             penetration, closed = (each.values[-MOST_STATES:] for each in of_snubber)
             in_contact = np.where(closed, force.values[-MOST_STATES:], np.nan)
             loops.append(Curve(name, penetration, in_contact, {"linewidth": 0.8}))
-    x, force = (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
-    return Chart(x, (force, unit), loops, curve_noun="snubbers")
+    x, words = (("Penetration", "m"), "Contact force") if unit == "N" else (("Angle beyond the stop", "rad"), _MOMENT)
+    return Chart(x, (words, unit), loops, curve_noun="snubbers")
 
 
 def shock_response(srs: Dataset, note: str) -> Chart:
