@@ -1,6 +1,7 @@
 """beamsim: exact simulation of structures that vibrate against one-sided elastic stops.
 
-Every command is a function of a scenario that returns a frozen result.
+Every command is a function of a scenario that returns a frozen result. A `System` takes matrices, loads and contacts as
+arrays instead.
 
 >>> import beamsim
 >>> scenario = beamsim.load_scenario("configs/one_sided_65hz.yaml", {"excitation.level": "3 g"})
@@ -31,6 +32,16 @@ if TYPE_CHECKING:
     from beamsim.analyses.studies.plan import StudyPlan, plan_designs
     from beamsim.analyses.studies.result import StudyResult
     from beamsim.analyses.sweep.result import SweepResult
+    from beamsim.arrays import (
+        Contact,
+        System,
+        backbone,
+        basins,
+        continue_motion,
+        periodic_motion,
+        sensitivities,
+        simulate,
+    )
     from beamsim.errors import (
         BeamsimError,
         NotTrustedError,
@@ -55,6 +66,16 @@ if TYPE_CHECKING:
     from beamsim.version import __version__
 
 _NAMES = {
+    "beamsim.arrays": (
+        "Contact",
+        "System",
+        "backbone",
+        "basins",
+        "continue_motion",
+        "periodic_motion",
+        "sensitivities",
+        "simulate",
+    ),
     "beamsim.analyses.studies.plan": ("StudyPlan", "plan_designs"),
     "beamsim.errors": (
         "BeamsimError",
@@ -89,6 +110,7 @@ __all__ = [
     "ChannelChoice",
     "CoexistingResult",
     "Comparison",
+    "Contact",
     "ContinuationResult",
     "Dataset",
     "IdentificationResult",
@@ -108,13 +130,17 @@ __all__ = [
     "StudyPlan",
     "StudyResult",
     "SweepResult",
+    "System",
     "TooLongError",
     "__version__",
     "allowing_hours",
+    "backbone",
+    "basins",
     "coexisting",
     "compare",
     "compare_modes",
     "continuation",
+    "continue_motion",
     "design_study",
     "ensemble",
     "export_result",
@@ -123,10 +149,13 @@ __all__ = [
     "load_scenario",
     "nnm",
     "pair_channels",
+    "periodic_motion",
     "plan_designs",
     "read_shapes",
     "read_tests",
     "run",
+    "sensitivities",
+    "simulate",
     "sweep",
     "write_result",
 ]

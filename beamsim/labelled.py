@@ -329,17 +329,28 @@ class Dataset(Mapping[str, LabelledArray]):
         dict
             By name, in order.
         """
-        rows, found = self[column], {}
+        rows, found = self[column], dict[Any, Dataset]()
         if names is None:
             names = self.items_by_path[f"/{rows.attributes[NAMES]}"].values.tolist()
         for number, name in enumerate(names):
-            own, items = rows.values == number, dict(self.items_by_path)
-            for path, item in items.items():
-                dims = (last(path),) if item.scale else tuple(map(last, item.axes))
-                if rows.dims[0] in dims:
-                    items[path] = _select_item(item, own, dims.index(rows.dims[0]))
-            found[name] = Dataset(self.name, items)
+            found[name] = self.where(rows.dims[0], rows.values == number)
         return found
+
+    def where(self, dim: str, selected: NDArray[np.bool_]) -> Dataset:
+        """The dataset at the ``selected`` numbers (n,) along a dimension; what is not along it stays as it is."""
+        items = dict(self.items_by_path)
+        for path, item in items.items():
+            dims = (last(path),) if item.scale else tuple(map(last, item.axes))
+            if dim not in dims:
+                continue
+            axis, attributes = dims.index(dim), dict(item.attributes)
+            if ABSENT in attributes:
+                attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(selected, absent_in(item), axis)).tolist())
+            if OF_EACH in attributes and axis == 0:
+                units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[selected].tolist()
+                attributes[OF_EACH] = json.dumps(units, ensure_ascii=False)
+            items[path] = replace(item, attributes=attributes, array=np.compress(selected, item.values, axis))
+        return Dataset(self.name, items)
 
     def rows(self, dim: str, *names: str) -> list[dict[str, Any]]:
         """The rows of a table: by column their values, None for integers, flags and texts that are not known.
@@ -389,17 +400,6 @@ class Dataset(Mapping[str, LabelledArray]):
             raise ImportError("this needs xarray, which is not installed: pip install xarray") from error
         made: xarray.Dataset = make({name: (v.dims, v.values, dict(v.attributes)) for name, v in self.items()})
         return made
-
-
-def _select_item(item: Item, selected: NDArray[np.bool_], axis: int) -> Item:
-    """A variable at its ``selected`` numbers (n,) along an axis, with what its attributes say of these."""
-    attributes = dict(item.attributes)
-    if ABSENT in attributes:
-        attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(selected, absent_in(item), axis)).tolist())
-    if OF_EACH in attributes and axis == 0:
-        units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[selected].tolist()
-        attributes[OF_EACH] = json.dumps(units, ensure_ascii=False)
-    return replace(item, attributes=attributes, array=np.compress(selected, item.values, axis))
 
 
 def join_tables(tables: Sequence[Dataset], **values: Any) -> Dataset:

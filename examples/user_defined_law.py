@@ -15,18 +15,10 @@ def hertz(penetration):
 def peak_force(points):
     """Peak force of a mass of 0.1 kg that meets the stop at 1 m/s, with the law in so many points."""
     penetration = np.linspace(0.0, 1.0, points) ** 1.5 * 3e-4  # m; denser where the slope changes most
-    table = np.column_stack([penetration, hertz(penetration)])
-    case = {
-        "chain": {
-            "masses": [0.1],
-            "springs": [0.0, 0.0],
-            "snubbers": [
-                {"name": "stop", "mass": 1, "side": "above", "gap": 0.0, "force_deflection": table},
-            ],
-        },
-        "run": {"duration": 2e-3, "sample_rate": 1e5, "start": {"displacement": [0.0], "velocity": [1.0]}},
-    }
-    return beamsim.run(beamsim.load_scenario(case)).summary["peak_force_n"]["stop"]
+    stop = beamsim.Contact(row=[1.0], law=np.column_stack([penetration, hertz(penetration)]), name="stop")
+    ball = beamsim.System(mass=[[0.1]], stiffness=[[0.0]], contacts=[stop])
+    result = beamsim.simulate(ball, 2e-3, start=([0.0], [1.0]), sample_rate=1e5)
+    return result.summary["peak_force_n"]["stop"]
 
 
 # all kinetic energy is in the spring where the mass turns: m v^2 / 2 = 2/5 K d^(5/2)

@@ -37,7 +37,7 @@ def to_real(W: Complexes) -> Floats:
 
 
 @dataclass(frozen=True)
-class Contact:
+class PositivePart:
     """The positive part of a trigonometric polynomial."""
 
     positive: Complexes  # (Hout + 1,) one-sided harmonics of delta_+
@@ -157,7 +157,7 @@ def product(two_sided: Complexes, x: Complexes, highest: int) -> Complexes:
     return np.asarray(p)
 
 
-def one_sided(D: Complexes, highest: int | None = None) -> Contact:
+def one_sided(D: Complexes, highest: int | None = None) -> PositivePart:
     """The positive part of ``delta = Re sum D_h e^{ih tau}``.
 
     Parameters
@@ -169,7 +169,7 @@ def one_sided(D: Complexes, highest: int | None = None) -> Contact:
     highest = H if highest is None else highest
     closed = close_intervals(D)
     chi = indicator(closed, highest + H)
-    return Contact(product(chi, D, highest), chi, closed)
+    return PositivePart(product(chi, D, highest), chi, closed)
 
 
 def cubic(W: Complexes, highest: int | None = None) -> tuple[Complexes, Complexes]:

@@ -29,9 +29,11 @@ from beamsim.scenario.base import (
 
 _REMEDY = (
     "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, mass: 2 on a chain, "
-    "or node: 24 of imported matrices"
+    "or node: 24 or row: gap of imported matrices"
 )
 
+
+_PLACES = ("position", "mass", "node", "row")  # keys, of which a place has one
 
 Point = float | tuple[float, float]
 """Metres along a beam, [x, y] on a plate, or the number of a mass or node."""
@@ -62,6 +64,8 @@ class PointOfBody(Schema):
     """Number of the mass of the chain, from 1."""
     node: q.Count | None = None
     """Number of a node of imported matrices."""
+    row: q.Name | None = None
+    """Name of one of the ``rows`` of imported matrices."""
     direction: NodeDirection | OwnDirection | None = None
     """Direction at the node, z by default. x, y, z are displacements, rx, ry, rz rotations; local_x ... local_rz are
     the directions of the node's own coordinate system."""
@@ -70,14 +74,14 @@ class PointOfBody(Schema):
         """Require exactly one point."""
         super().check()
         if getattr(self, "at", None) is not None:  # the long form, with the key at
-            for key in ("position", "mass", "node", "direction"):
+            for key in (*_PLACES, "direction"):
                 self.exclude(key, "at", remedy="keep at: it names the place")
             return
-        if self.position is None and self.mass is None and self.node is None:
+        if all(getattr(self, key) is None for key in _PLACES):
             raise InvalidValueError("names no place", _REMEDY)
-        remedy = "position belongs to a beam, mass to a chain, node to imported matrices"
-        self.exclude("mass", "position", remedy=remedy)
-        self.exclude("node", "position", "mass", remedy=remedy)
+        remedy = "position belongs to a beam, mass to a chain, node and row to imported matrices"
+        for number in (1, 2, 3):
+            self.exclude(_PLACES[number], *_PLACES[:number], remedy=remedy)
         if self.direction is not None and self.node is None:
             raise InvalidValueError("belongs to a node", "leave it out, or give node: 24", ("direction",))
 
@@ -85,7 +89,7 @@ class PointOfBody(Schema):
 class AtPlace(PointOfBody):
     """A point of a body, with the body's name."""
 
-    distinguishing_keys: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "direction", "body")
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "row", "direction", "body")
     level_quantities: ClassVar[tuple[Literal["force"]]] = ("force",)
 
     body: q.Name | None = None
@@ -121,6 +125,8 @@ class AtPlace(PointOfBody):
         body, where = scenario.all_bodies[name], scenario.body_path(name)
         if self.node is not None:
             yield from body.node_problems(where, (*path, "node"))
+        elif self.row is not None:
+            yield from body.row_problems(where, (*path, "row"), self.row)
         elif self.mass is not None:
             yield from body.mass_problems(where, number or (*path, "mass"), self.mass)
         elif self.position is not None:
@@ -165,7 +171,7 @@ class PlacedItem(PointOfBody):
         """The place."""
         if self.at is not None:
             return self.at
-        return AtPlace.model_construct(position=self.position, mass=self.mass, node=self.node, direction=self.direction)
+        return AtPlace.model_construct(**{key: getattr(self, key) for key in PointOfBody.model_fields})
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
@@ -817,6 +823,10 @@ class Body(Schema):
 
     def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
         """A problem: the body has no nodes with numbers."""
+        yield self._other_kind_problem(body_path, path, "imported matrices")
+
+    def row_problems(self, body_path: Path, path: Path, name: str) -> Iterator[Problem]:
+        """A problem: the body has no rows with names."""
         yield self._other_kind_problem(body_path, path, "imported matrices")
 
     def _other_kind_problem(self, body_path: Path, path: Path, other_kind: str) -> Problem:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
 from beamsim.errors import Problem
 from beamsim.scenario import units
-from beamsim.scenario.base import InvalidValueError, Path, Schema, Variants
-from beamsim.scenario.body import Body, ChainDamping, NodeDirection
+from beamsim.scenario.base import InvalidValueError, Path, Schema, Variants, count_text, problem, unknown
+from beamsim.scenario.body import AtPlace, Body, ChainDamping, NodeDirection, Point
 from beamsim.scenario.files import AnyTableFile
 from beamsim.scenario.quantities import Coefficient, Count, FileName, Frequency, Name, Text, UnitType
 
@@ -87,6 +87,19 @@ class MatrixSource(Schema):
     """Name of the matrix in the file, in upper or lower case; may be omitted if the file contains only one."""
 
 
+MOST_ROWS = 300
+"""Largest number of rows of a matrix that is written in the case; the case is stored with each result."""
+
+WrittenMatrix = tuple[tuple[Coefficient, ...], ...]
+"""The rows of a matrix, as they are written in the case."""
+
+AnyMatrix = Annotated[
+    MatrixSource | WrittenMatrix,
+    Variants("is not a matrix", "give {file: panel.op4, name: kxx}, or its rows, [[2e4, -1e4], [-1e4, 1e4]]"),
+]
+"""A matrix in a file, or its rows."""
+
+
 class RecoverySource(MatrixSource):
     """A matrix that gives other quantities from the degrees of freedom: stress, strain, or motion at other points."""
 
@@ -139,6 +152,17 @@ class DisplacementSystem(Schema):
             raise InvalidValueError("has three points on a line", "give a point off the z axis last", ("points",))
 
 
+def _demand_square(key: str, matrix: WrittenMatrix) -> None:
+    """Refuse a matrix that is not square, or too large to be written in a case."""
+    if len(matrix) > MOST_ROWS:
+        remedy = "save it, numpy.savez('matrices.npz', K=K), and give {file: matrices.npz, name: K}"
+        raise InvalidValueError(f"has {len(matrix)} rows, and takes up to {MOST_ROWS}", remedy, (key,))
+    for k, row in enumerate(matrix):
+        if len(row) != len(matrix):
+            numbers, rows = count_text(len(row), "number"), count_text(len(matrix), "row")
+            raise InvalidValueError(f"has {numbers}, and the matrix has {rows}", "give a square matrix", (key, k))
+
+
 class MatricesBody(Body):
     """A body given by its matrices; a table or the file itself names the degrees of freedom."""
 
@@ -150,11 +174,11 @@ class MatricesBody(Body):
 
     kind: Literal["matrices"] = "matrices"
     """Imported matrices."""
-    mass: MatrixSource
-    """Mass matrix."""
-    stiffness: MatrixSource
-    """Stiffness matrix."""
-    viscous: MatrixSource | None = None
+    mass: AnyMatrix
+    """Mass matrix: {file: panel.op4, name: mxx}, or its rows, [[1, 0], [0, 2]]."""
+    stiffness: AnyMatrix
+    """Stiffness matrix, in the same form."""
+    viscous: AnyMatrix | None = None
     """Viscous damping matrix, in addition to the damping below; none by default."""
     structural_damping: StructuralDamping | None = None
     """Structural damping as viscous damping at one frequency; without this key a file with structural damping is
@@ -164,13 +188,17 @@ class MatricesBody(Body):
     dofs: AnyTableFile | None = None
     """CSV table with one row for each row of the matrices. Its headings, in any order, are node, direction and
     optionally x, y, z and system. Coordinates have the unit in their heading, x (mm), else the unit of the files. DMIG
-    and Abaqus files need no table.
+    and Abaqus files need no table. Without a table, row i of a matrix that is written in the case is direction z of
+    node i.
 
     Directions are x, y, z, rx, ry, rz and modal.
     """
     systems: tuple[DisplacementSystem, ...] = ()
     """Coordinate systems of nodes whose directions are not along the axes of the model; the column ``system`` of the
     table refers to them."""
+    rows: Mapping[Name, tuple[Coefficient, ...]] = {}
+    """Further places, by name: the motion of each is a sum of factors times the degrees of freedom, in the order of the
+    matrices, such as {gap: [0, 1, -1]}. A stop, force or probe there has the place {row: gap}."""
     units: AnyFileUnits | None = None
     """Units of all files: SI (the default), mm-t-s, mm-kg-ms, mm-g-ms, mm-kg-s, cm-g-s, in-lbf-s, ft-lbf-s, or one by
     one, {length: mm, mass: kg, force: N, time: s}. Rotations are in rad."""
@@ -183,15 +211,54 @@ class MatricesBody(Body):
     """Damping of the body as a whole: modal ratios or Rayleigh."""
 
     @property
-    def sources(self) -> dict[str, MatrixSource | StructuralDamping]:
-        """The keys with files of matrices."""
+    def sources(self) -> dict[str, MatrixSource | WrittenMatrix | StructuralDamping]:
+        """The keys with matrices."""
         named = {key: getattr(self, key) for key in ("mass", "stiffness", "viscous", "structural_damping")}
-        return {key: source for key, source in named.items() if source is not None and source.file is not None}
+        return {key: source for key, source in named.items() if getattr(source, "file", source) is not None}
+
+    def check(self) -> None:
+        """Refuse matrices that are not square, of different sizes, or too large to be written in a case."""
+        super().check()
+        for key, source in self.sources.items():
+            if isinstance(source, tuple):
+                _demand_square(key, source)
+
+    def point_of(self, place: AtPlace) -> Point:
+        """Number of the node, or of the row, from 0."""
+        return super().point_of(place) if place.row is None else float(list(self.rows).index(place.row))
 
     @property
     def recovered_rows(self) -> tuple[str, ...]:
         """Names of the rows of the recovery matrix."""
         return () if self.recovery is None else self.recovery.rows
+
+    def power_of_start(self, index: int) -> int:
+        """0: each degree of freedom has its own number."""
+        return 0
+
+    def start_problems(self, path: Path, numbers: tuple[float, ...]) -> Iterator[Problem]:
+        """A problem unless the matrices are written in the case and there is one number for each row.
+
+        Parameters
+        ----------
+        path, numbers : see `beamsim.scenario.body.Body.start_problems`.
+
+        Yields
+        ------
+        Problem
+        """
+        if not numbers:
+            return
+        if not isinstance(self.mass, tuple):
+            remedy = "start in a mode, {mode: 1, amplitude: 1 mm}, or with a released force"
+            yield problem(path, "needs matrices that are written in the case", remedy)
+        elif len(numbers) != len(self.mass):
+            given = f"has {count_text(len(numbers), 'number')} for {count_text(len(self.mass), 'row')} of the matrices"
+            yield problem(path, given, "give one number for each row, or leave it out")
+
+    def row_problems(self, body_path: Path, path: Path, name: str) -> Iterator[Problem]:
+        """A problem if no row has this name."""
+        yield from unknown(path, name, "row", self.rows)
 
     def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
         """No problems: the numbers of the nodes are known only from the files."""

@@ -755,7 +755,7 @@ class Scenario(Schema):
                 probes[f"{name}_{called}" if several else called] = _on(name if several else None, place)
         return tuple(
             Probe(name=name, at=place)
-            if several or place.node is not None
+            if several or place.node is not None or place.row is not None
             else Probe(name=name, position=place.position, mass=place.mass)
             for name, place in probes.items()
         )
@@ -774,6 +774,8 @@ class Scenario(Schema):
         """Name of a default probe: mass_2, or with its body inner_0.77."""
         if place.node is not None:
             named = f"node_{place.node}_{place.direction or 'z'}"
+        elif place.row is not None:
+            named = place.row
         elif place.mass is not None:
             named = f"mass_{place.mass}"
         else:

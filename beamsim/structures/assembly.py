@@ -22,7 +22,7 @@ from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array,
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, walk
-from beamsim.scenario.body import LocatedItem
+from beamsim.scenario.body import LocatedItem, PointOfBody
 from beamsim.scenario.connections import HingeElement, place_bodies
 from beamsim.scenario.distributed import DistributedLoad
 from beamsim.scenario.parameters import replace_values
@@ -65,11 +65,11 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     sections = scenario.all_bodies
     joints = scenario.joints
     origins = place_bodies(joints, sections, scenario.default_body).of_first_group if joints else {}
-    # places that only the bodies themselves can check: nodes of imported matrices, and loads with the shape of a mode
+    # places that only the bodies themselves can check: of imported matrices, and loads with the shape of a mode
     placed_by_bodies = [
         (path, item)
         for path, item in walk(scenario)
-        if isinstance(item, DistributedLoad) or getattr(item, "node", None) is not None
+        if isinstance(item, DistributedLoad) or (isinstance(item, PointOfBody) and (item.node or item.row))
     ]
     parts: list[Structure] = []
     for group in _groups(list(sections), couplings):

@@ -69,8 +69,11 @@ def rotate_to_axes(matrices: NamedMatrices, systems: Sequence[DisplacementSystem
 
     mass, stiffness, damping = (rotate(each) for each in (matrices.mass, matrices.stiffness, matrices.damping))
     recovery = None if matrices.recovery is None else (matrices.recovery @ turn).tocsr()
+    places = None if matrices.rows is None else np.asarray(matrices.rows @ turn)
     table = replace(table, systems=None, to_file_systems=turn)
-    return replace(matrices, table=table, mass=mass, stiffness=stiffness, damping=damping, recovery=recovery)
+    return replace(
+        matrices, table=table, mass=mass, stiffness=stiffness, damping=damping, recovery=recovery, rows=places
+    )
 
 
 def axes_at(system: DisplacementSystem, point: Floats, node: int) -> Floats:

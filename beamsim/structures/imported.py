@@ -81,8 +81,11 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
         remarks.append(f"structural damping acts as viscous damping that has the same effect at {frequency:g} Hz alone")
     _check_diagonals(mass, stiffness, table)
     recovery = None if section.recovery is None else _recovery(section.recovery, table)
+    rows = _further_rows(section, table)
     held = table.rows_of(() if section.base == "free" else section.base.nodes)
-    used = _used_rows((mass, stiffness, damping), recovery, table, held)
+    if not isinstance(section.stiffness, tuple):
+        _demand_restrained(mass, stiffness, table, held)
+    used = _used_rows((mass, stiffness, damping), recovery, table)
     if used.size < len(table.dofs):
         remarks.append(f"rows without mass and stiffness were left out: {len(table.dofs) - used.size}")
     mass, stiffness, damping = (
@@ -90,14 +93,29 @@ def read_matrices_of(section: MatricesBody) -> NamedMatrices:
     )
     as_written = NamedMatrices(
         table.part(used), mass, stiffness, damping, (), units=name_of(section.units),
-        recovery=None if recovery is None else recovery[:, used],
+        recovery=None if recovery is None else recovery[:, used], rows=None if rows is None else rows[:, used],
     )  # fmt: skip
     converted = in_si_units(rotate_to_axes(as_written, section.systems), sizes)
     remarks += doubtful_units(converted, section.units)
     return replace(converted, remarks=tuple(remarks))
 
 
-def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_rows: Ints) -> Ints:
+def _demand_restrained(mass: Any, stiffness: Any, table: DofTable, base_rows: Ints) -> None:
+    """Refuse rows of files with mass and no stiffness, but for those of the base, as of a Craig-Bampton model."""
+    if not np.any(stiffness.data):
+        raise MethodError("stiffness", "is zero", "give the stiffness matrix of the model")
+    empty, massive = (np.asarray(abs(matrix).sum(axis=1)).ravel() for matrix in (stiffness, mass))
+    loose = np.setdiff1d(np.flatnonzero((empty == 0.0) & (massive > 0.0)), base_rows)
+    if loose.size:
+        node, direction = table.dofs[int(loose[0])]
+        others = f" and {loose.size - 1} more" if loose.size > 1 else ""
+        raise MethodError(
+            "stiffness", f"is zero at node {node} {direction}{others}, which has mass: nothing restrains it",
+            "constrain it in the model that writes the matrices, or connect it there by a spring",
+        )  # fmt: skip
+
+
+def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable) -> Ints:
     """Rows with a nonzero entry in some matrix; programs write zero rows for fixed degrees of freedom.
 
     Parameters
@@ -105,7 +123,6 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_row
     matrices : (N, N) sparse mass, stiffness and damping; None where there is none.
     recovery : (k, N) sparse, or None.
     table : names of the rows.
-    base_rows : rows that move with the base; in a Craig-Bampton model they may be zero rows of the stiffness.
 
     Returns
     -------
@@ -114,17 +131,9 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_row
     Raises
     ------
     MethodError
-        If a row with mass has no stiffness, or an omitted row is needed for recovery.
+        If an omitted row is needed for recovery.
     """
     entries = [np.asarray(abs(m).sum(axis=1)).ravel() for m in matrices if m is not None]
-    loose = np.setdiff1d(np.flatnonzero((entries[1] == 0.0) & (entries[0] > 0.0)), base_rows)
-    if loose.size:
-        node, direction = table.dofs[int(loose[0])]
-        others = f" and {loose.size - 1} more" if loose.size > 1 else ""
-        raise MethodError(
-            "stiffness", f"is zero at node {node} {direction}{others}, which has mass: nothing restrains it",
-            "constrain it in the model that writes the matrices, or connect it there by a spring",
-        )  # fmt: skip
     used = np.flatnonzero(np.any(np.array(entries) > 0.0, axis=0))
     if recovery is not None and used.size < len(table.dofs):
         lost = np.setdiff1d(np.unique(recovery.tocoo().col[recovery.tocoo().data != 0.0]), used)
@@ -135,6 +144,16 @@ def _used_rows(matrices: Sequence[Any], recovery: Any, table: DofTable, base_row
                 "leave that column zero, or constrain the degree of freedom in the model that writes the matrices",
             )  # fmt: skip
     return used
+
+
+def _further_rows(section: MatricesBody, table: DofTable) -> Floats | None:
+    """(k, N) factors of the section's further places; None if there are none."""
+    size = len(table.dofs)
+    for name, factors in section.rows.items():
+        if len(factors) != size:
+            message = f"has {len(factors)} factors, and the matrices have {size} rows"
+            raise MethodError(f"rows.{name}", message, "give a factor for each degree of freedom")
+    return np.array(list(section.rows.values())) if section.rows else None
 
 
 def _recovery(source: RecoverySource, table: DofTable) -> Any:
@@ -158,7 +177,7 @@ def _recovery(source: RecoverySource, table: DofTable) -> Any:
 
 
 def _read(key: str, source: Any) -> FileMatrix:
-    matrix = _of_file(key, source)
+    matrix = FileMatrix(key, csc_array(np.array(source))) if isinstance(source, tuple) else _of_file(key, source)
     if matrix.values.shape[0] != matrix.values.shape[1]:
         rows, columns = matrix.values.shape
         raise MethodError(key, f"has {rows} rows and {columns} columns", "give a square matrix")
@@ -197,6 +216,8 @@ def _table(section: MatricesBody, file_matrices: dict[str, FileMatrix]) -> DofTa
                 "and the others differ in size: " + ", ".join(f"{key} has {n} rows" for key, n in sizes.items()),
                 "export all matrices from the same set of degrees of freedom",
             )
+        if isinstance(section.mass, tuple):
+            return DofTable(tuple((i + 1, "z") for i in range(len(section.mass))))
         raise MethodError("dofs", "is missing: the files do not name their rows", "give a table node,direction[,x,y,z]")
     together: dict[Dof, None] = {}
     for matrix in file_matrices.values():
@@ -255,9 +276,8 @@ def _check_diagonals(mass: Any, stiffness: Any, table: DofTable) -> None:
                 key, f"has a negative {what} of {diagonal[worst]:.4g} at node {node} {direction}",
                 "check the signs, units and concentrated masses of the model that wrote it",
             )  # fmt: skip
-    for key, matrix in (("mass", mass), ("stiffness", stiffness)):
-        if not np.any(matrix.data):
-            raise MethodError(key, "is zero", f"give the {key} matrix of the model")
+    if not np.any(mass.data):
+        raise MethodError("mass", "is zero", "give the mass matrix of the model")
 
 
 def massless_basis(mass: Any, table: DofTable) -> tuple[Any, Any]:

@@ -33,11 +33,18 @@ from beamsim.structures.named_matrices import (
     moves_freely,
     size_and_mass,
 )
-from beamsim.structures.places import NODES, UPWARDS, BaseDirection, LoadedRegion, Place, Recovery, Site
+from beamsim.structures.places import NAMED_ROW, NODES, UPWARDS, BaseDirection, LoadedRegion, Place, Recovery, Site
 from beamsim.structures.reduction import static_deflections
-from beamsim.structures.structure import BodyStructure, MemberBody, ReducedBasis, Restraint
+from beamsim.structures.structure import (
+    BodyField,
+    BodyStructure,
+    MemberBody,
+    ReducedBasis,
+    Restraint,
+    WeightedValues,
+)
 from beamsim.structures.symmetric_lu import SymmetricLU, dissection, factors_with_rigid_motions, negative_eigenvalues
-from beamsim.typing import Floats, Ints
+from beamsim.typing import Floats, Ints, not_none
 
 # A motion is rigid if its forces are below this fraction of the absolute contributions, and its frequency is far below
 # the next one.
@@ -106,6 +113,8 @@ class MatricesStructure(BodyStructure):
     def place_problem(self, place: Place | LoadedRegion, for_force: bool) -> tuple[str, str, str] | None:
         """Key, message and remedy if the place does not exist, or nothing can act there; else None."""
         assert isinstance(place, Place)  # the scenario refuses other places
+        if place.direction == NAMED_ROW:
+            return self._row_problem(place, for_force)
         node = round(place.coordinate)
         number = self.row_number(place)
         if number is None:
@@ -126,6 +135,23 @@ class MatricesStructure(BodyStructure):
             )  # fmt: skip
         return None
 
+    def _row_problem(self, place: Place, for_force: bool) -> tuple[str, str, str] | None:
+        """See `place_problem`, of a named row."""
+        row = self.unsupported_row(place)[self._rows[1]]
+        if not row.any():
+            return (
+                "row",
+                "moves with the base alone",
+                "give a factor of a degree of freedom that does not move with it",
+            )
+        if for_force and self.massless[row != 0.0].max() > 1e-6:
+            return (
+                "row",
+                "moves a degree of freedom without mass: a force there would move it without inertia",
+                "set its factor to zero, or give it a mass in the model that writes the matrices",
+            )
+        return None
+
     def restraints(self, base: BaseDirection) -> Sequence[Restraint]:
         """Every direction of every node of the base."""
         held, _ = self._rows
@@ -140,6 +166,8 @@ class MatricesStructure(BodyStructure):
     def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(rows of the files,) row of a place."""
         assert isinstance(place, Place)  # the scenario refuses the others
+        if place.direction == NAMED_ROW:
+            return np.asarray(not_none(self.source_matrices.rows)[round(place.coordinate)])
         table, node = self.source_matrices.table, round(place.coordinate)
         if (row := table.row(node, place.direction)) is None:
             raise ValueError(f"{place.label} does not exist; {table.remedy(node)}")
@@ -175,6 +203,14 @@ class MatricesStructure(BodyStructure):
     def named_matrices(self) -> NamedMatrices:
         """The matrices of the files, made symmetric."""
         return self.source_matrices
+
+    def given_field(self, numbers: Sequence[float]) -> BodyField:
+        """One number for each row of the matrices that are written in the case; those of the base do not count."""
+        if self.expansion.shape[0] != self.size:
+            raise MethodError("mass", "has motions without mass: a start needs an inertia for each", "leave them out")
+        root = np.linalg.cholesky(self.mass.toarray()).T
+        given = np.asarray(numbers, dtype=float)[self._rows[1]]
+        return BodyField(WeightedValues(root, np.ones(self.size), root @ given))
 
     def base_load(self, motion: BaseDirection) -> tuple[Floats, Floats]:
         """(N,) inertia and (N,) force of springs to the ground under a unit motion of the base."""
@@ -214,9 +250,10 @@ class MatricesStructure(BodyStructure):
         return self._motions[motion]
 
     def unit_stiffness(self, site: Site) -> float:
-        """Static stiffness of the structure at a site, N/m; with inertia relief if it is free."""
+        """Static stiffness of the structure at a site, N/m; with inertia relief if it is free; 0 of free masses."""
         row = self.row(site)
-        return self.stiffness_scale / float(row @ static_deflections(self, row[:, None])[:, 0])
+        deflection = float(row @ static_deflections(self, row[:, None])[:, 0])
+        return self.stiffness_scale / deflection if deflection else 0.0  # of free masses none
 
     def reassemble(self, section: Any) -> MatricesStructure:
         """The body itself."""
@@ -476,7 +513,9 @@ def rigid_modes(
     """
     size = mass.shape[0]
     count = min(size, 8)
-    shift = -1e-9 * float(np.median(stiffness.diagonal()) / np.mean(mass.diagonal()))
+    diagonal = stiffness.diagonal()
+    typical = float(np.median(diagonal) or np.max(diagonal)) or 1.0  # 1 where every mass is free
+    shift = -1e-9 * typical / float(np.mean(mass.diagonal()))
     try:
         squared, vectors = lowest_eigenpairs(stiffness, mass, count, shift, order)
     except LinAlgError:
@@ -484,7 +523,7 @@ def rigid_modes(
     one_by_one = (abs(stiffness) @ np.abs(vectors)).max(axis=0)
     force = np.abs(stiffness @ vectors).max(axis=0) / np.where(one_by_one > 0, one_by_one, 1.0)
     rigid = 0
-    for k in range(1, min(count, 7)):
+    for k in range(1, min(count + 1, 7)):
         if force[:k].max() <= _RIGID and (k == size or abs(squared[k - 1]) <= _GAP * squared[min(k, count - 1)]):
             rigid = k
     lowest = squared[rigid:]

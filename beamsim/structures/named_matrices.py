@@ -235,6 +235,7 @@ class NamedMatrices:
     direction: str = "z"  # direction of the base motion
     remarks: tuple[str, ...] = ()  # changes made to the matrices of files
     recovery: Any = None  # (k, N) sparse recovery matrix of other quantities; None without
+    rows: Floats | None = None  # (k, N) further places: factors of the degrees of freedom; None without
     time_unit: float = 1.0  # s, unit of time in velocities and accelerations for recovery
     units: str = ""  # units of the files
 
@@ -323,6 +324,7 @@ def in_si_units(matrices: NamedMatrices, sizes: UnitSizes) -> NamedMatrices:
         stiffness=scaled(matrices.stiffness, force * length),
         damping=scaled(matrices.damping, force * length * time),
         recovery=None if matrices.recovery is None else (matrices.recovery @ diagonal).tocsr(),
+        rows=None if matrices.rows is None else length * (matrices.rows @ diagonal),
         time_unit=matrices.time_unit * time,
     )
 
@@ -403,7 +405,7 @@ class FileSummary:
         """The summary as text."""
         units = f"{self.units}, the default" if self.units_assumed else self.units
         count = f"{self.degrees_of_freedom} degrees of freedom"
-        return f"{self.body}: {count}, {self.size_and_mass.text}; units of its files: {units}"
+        return f"{self.body}: {count}, {self.size_and_mass.text}; units: {units}"
 
     @property
     def as_json(self) -> dict[str, Any]:

@@ -139,6 +139,8 @@ Point = float | tuple[float, float]
 
 DEFLECTION, SLOPE = "z", "slope"
 """Directions of motion at a place: deflection, m, and its derivative along the body's axis, rad."""
+NAMED_ROW = "row"
+"""Direction of a place that is one of the ``rows`` of imported matrices; its point is the number of the row, from 0."""
 
 
 @dataclass(frozen=True)
@@ -227,6 +229,9 @@ def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
         name = place.body or body
         if place.node is not None:
             sites.append(_at_node(name, place.node, place.direction or DEFLECTION))
+            continue
+        if place.row is not None:
+            sites.append(Place(name, sections[name].point_of(place), NAMED_ROW, label=f"{name} row {place.row}"))
             continue
         point: Any = sections[name].point_of(place)
         if isinstance(point, tuple):

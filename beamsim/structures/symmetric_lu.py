@@ -186,7 +186,9 @@ def _pin(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
     pinned: Ints = np.sort(qr(ranked.T, mode="r", pivoting=True)[1][:count])
     held = np.isin(np.arange(size), pinned).astype(float)
     free: Any = diags_array(1.0 - held)
-    stiffness = free @ stiffness @ free + diags_array(held * stiffness.diagonal())
+    diagonal = stiffness.diagonal()
+    pins = np.where(diagonal > 0.0, diagonal, diagonal.max() or 1.0)  # a mass that nothing restrains has no stiffness
+    stiffness = free @ stiffness @ free + diags_array(held * pins)
     stiffness.eliminate_zeros()
     return stiffness, pinned
 

@@ -80,6 +80,10 @@ RATIOS = {
     "ParameterToIdentify.bounds": "of a position in percent: length of its body in the scenario; else absolute",
 }
 FACTORS = {
+    "MatricesBody.mass": "`units` of the body",
+    "MatricesBody.stiffness": "`units` of the body",
+    "MatricesBody.viscous": "`units` of the body",
+    "MatricesBody.rows": "degrees of freedom, in the `units` of the body",
     "MeasuredForces.scale": "forces as measured",
     "MeasuredForces.segment_factors": "stiffness of each segment as fitted",
     "Rigidity.nu": "stretch along x",

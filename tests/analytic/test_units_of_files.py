@@ -199,7 +199,7 @@ def test_sizes_and_masses_of_other_units_are_noticed_and_said(tmp_path, written,
     assert (found.units, found.units_assumed) == (stated or "SI", stated is None)
     assert [warns in remark for remark in found.remarks if "structure has" in remark] == ([True] if warns else [])
     if stated == written:
-        assert found.text.startswith("bar: 8 degrees of freedom, 0.3375 kg, 0.5 x 0.01 x 0.02 m; units of its files: ")
+        assert found.text.startswith("bar: 8 degrees of freedom, 0.3375 kg, 0.5 x 0.01 x 0.02 m; units: ")
 
 
 @pytest.mark.parametrize("without_run", [["--set", "run=null"], []])
@@ -207,8 +207,5 @@ def test_validate_says_what_was_assumed(tmp_path, without_run):
     case(tmp_path, in_units(in_si(), *SYSTEMS["mm-t-s"]), SYSTEMS["mm-t-s"], "null")
     printed = invoke("validate", tmp_path / "case.yaml", *without_run)
     assert printed.exit_code == 0
-    assert (
-        "bar: 8 degrees of freedom, 0.0003375 kg, 500 x 10 x 20 m; units of its files: SI, the default"
-        in printed.stdout
-    )
+    assert "bar: 8 degrees of freedom, 0.0003375 kg, 500 x 10 x 20 m; units: SI, the default" in printed.stdout
     assert "beamsim: warning: bar: the structure has 0.0003375 kg, 500 x 10 x 20 m, if its files are" in printed.stderr

@@ -42,12 +42,24 @@ def every_start_comes_to_one_of_two_motions(known):
     assert min(motion["peak_displacement_m"]["mass"] for motion in stable) == pytest.approx(linear, rel=1e-8)
 
 
+def the_curve_grazes_where_it_is_published(known):
+    found = [2 * np.pi * p["frequency_hz"] for p in known["curve"].summary["special_points"] if p["kind"] == "grazing"]
+    np.testing.assert_allclose(sorted(found), [0.581900, 0.653440], atol=1e-6)
+
+
+def the_rod_leaves_when_the_wave_is_back(known):
+    events = known["events"]
+    assert events[-1] - events[0] == pytest.approx(2 * known["LENGTH"] / known["wave"], rel=0.01)
+
+
 CHECKS = {
     "beam_and_stop": lambda known: known["summary"]["energy_error"] < 1e-9 or pytest.fail("energy"),
     "chain_from_arrays": a_mass_between_springs_has_these_modes,
     "user_defined_law": a_finer_table_comes_closer_to_the_closed_form,
     "continuation_with_multipliers": the_multipliers_agree_with_the_stability,
     "basins": every_start_comes_to_one_of_two_motions,
+    "two_masses_from_arrays": the_curve_grazes_where_it_is_published,
+    "own_matrices_with_stop": the_rod_leaves_when_the_wave_is_back,
     "study": lambda known: (
         np.corrcoef(known["draws"]["snubbers.tip.gap"], known["force"])[0, 1] > 0.9
         or pytest.fail("a larger gap gives harder impacts here")
