@@ -145,7 +145,10 @@ def test_new_writes_a_valid_case(kind, here):
     assert f"`beamsim {kind.command} {name}`" in done.stdout
     valid = invoke("validate", name)
     assert valid.exit_code == 0, valid.output
-    assert (here / name).read_text().partition("\n")[2] == template(kind)
+    first, _, text = (here / name).read_text().partition("\n")
+    assert text == template(kind)
+    assert first == "# yaml-language-server: $schema=beamsim.schema.json"  # next to the case: needs no network
+    assert (here / "beamsim.schema.json").exists()
 
 
 def test_new_replaces_a_case_on_request_and_names_the_schema(here):
