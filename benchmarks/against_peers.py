@@ -2,6 +2,7 @@
 
 ``python -m benchmarks.against_peers``. The integrator is compiled by Numba, takes SciPy's coefficients, has an adaptive
 step and knows nothing of the contacts: steps go across openings and closings, and only the error estimate notices.
+Where pyYeti is installed, its Newmark solver follows, with the stop as a nonlinear force.
 Motions are compared at a hundred times, at which steps end. The reference is the integrator with a tolerance of 1e-13.
 Response curves follow, compared with programs for harmonic balance (`benchmarks.peer_curves`).
 """
@@ -9,7 +10,9 @@ Response curves follow, compared with programs for harmonic balance (`benchmarks
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numba
@@ -33,6 +36,7 @@ TOLERANCES = (1e-6, 1e-9, 1e-12)
 REFERENCE = 1e-13
 CHECKED = 100  # times at which motions are compared
 REPETITIONS = 5
+STEPS = (200, 800, 3200)  # of the Newmark solver between two of these times
 
 Floats = Any
 
@@ -129,10 +133,27 @@ def _dop853(e, start, times, rtol, scale, A, B, C, E3, E5):  # type: ignore[no-u
     return out, evaluations
 
 
-def measured(work: Callable[[], Any]) -> tuple[float, Any]:
+def pyyeti_newmark(e: Equations, start: Floats, step: float, count: int) -> Floats:
+    """Displacements (count, n) at the steps of pyYeti's Newmark solver, the stop's dashpot by backward differences."""
+    from pyyeti.ode import SolveNewmark
+
+    n, times = e.stiffness.size, step * np.arange(count)
+    loads = e.loads[0] + np.outer(np.cos(e.omega * times), e.loads[1]) + np.outer(np.sin(e.omega * times), e.loads[2])
+
+    def push(d: Floats, j: int, h: float) -> Floats:
+        depth = e.row @ d[:, j] - e.gap
+        speed = e.row @ (d[:, j] - d[:, j - 1]) / h if j else np.zeros(e.gap.size)
+        return np.where(depth > 0.0, -e.spring * depth - e.dashpot * speed, 0.0)
+
+    solver = SolveNewmark(np.eye(n), e.damping, np.diag(e.stiffness), step)
+    solver.def_nonlin({"stops": (push, e.row.T)})
+    return solver.tsolve(loads.T, d0=start[:n], v0=start[n:]).d.T
+
+
+def measured(work: Callable[[], Any], repetitions: int = REPETITIONS) -> tuple[float, Any]:
     """Least processor time of several calls, s, and what the last one returns."""
     results: list[Any] = [work()]  # compiles
-    return min(processor_time(lambda: results.append(work())) for _ in range(REPETITIONS)), results[-1]
+    return min(processor_time(lambda: results.append(work())) for _ in range(repetitions)), results[-1]
 
 
 def compare(label: str, case: str, changes: dict[str, object]) -> None:
@@ -163,6 +184,13 @@ def compare(label: str, case: str, changes: dict[str, object]) -> None:
     for rtol in TOLERANCES:
         cost, (states, evaluations) = measured(lambda rtol=rtol: stepped(rtol))  # type: ignore[misc]
         row(f"DOP853, rtol {rtol:g}", cost, states, f"{evaluations} evaluations")
+    if importlib.util.find_spec("pyyeti") is None:
+        print("pyYeti is not installed: skipped")
+        return
+    for steps in STEPS:
+        count, step = CHECKED * steps + 1, duration / (CHECKED * steps)
+        cost, moved = measured(partial(pyyeti_newmark, problem, system.initial_state, step, count), repetitions=1)
+        row(f"pyYeti, Newmark, step {step:.2g} s", cost, moved[steps::steps], f"{count - 1} steps")
 
 
 def main() -> None:
