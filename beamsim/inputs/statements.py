@@ -21,17 +21,17 @@ INPUTS = Layout(
             "record that of its samples as they are used",
         ),
         "peak": Variable(
-            _NUMBER, "{unit}", "largest magnitude of a record's samples as they are used; NaN of a random input",
+            _NUMBER, "{unit}", "largest magnitude of a record's samples after conditioning; NaN for a random input",
             optional=True,
         ),
         "sample_rate_hz": Variable(
-            _NUMBER, "Hz", "samples per second; those between which the input is interpolated"
+            _NUMBER, "Hz", "sample rate of the input, which is interpolated between its samples"
         ),
         "treatment": Variable(_NUMBER, "", "what was done to make the input, in order", str),
-        "from_hz": Variable(_NUMBER, "Hz", "lower end of the density of a random input; NaN of a record"),
-        "to_hz": Variable(_NUMBER, "Hz", "upper end of that density; NaN of a record"),
+        "from_hz": Variable(_NUMBER, "Hz", "lower end of the frequency range of a random input; NaN for a record"),
+        "to_hz": Variable(_NUMBER, "Hz", "upper end of the frequency range of a random input; NaN for a record"),
         "line_spacing_hz": Variable(
-            _NUMBER, "Hz", "distance of the sines of a random input; NaN of a record"
+            _NUMBER, "Hz", "frequency spacing of the sines of a random input; NaN for a record"
         ),
     },
     optional=True,

@@ -57,9 +57,9 @@ _OF_POINTS = {
         _COORDINATES, "kg^0.5 m",
         "coordinates at phase zero of the excitation; of a free motion at its slowest instant",
     ),
-    "coordinate_velocities": Variable(_COORDINATES, "kg^0.5 m/s", "their velocities then; of a brake orbit zero"),
+    "coordinate_velocities": Variable(_COORDINATES, "kg^0.5 m/s", "their velocities then; zero for a brake orbit"),
     "internal_state": Variable(("internal_state",), "1", "number of the internal state", int),
-    "internal_states": Variable((*_POINT, "internal_state"), "m", "internal states of the contacts then"),
+    "internal_states": Variable((*_POINT, "internal_state"), "m", "internal states of the contacts at that time"),
 }  # fmt: skip
 OF_MOTIONS = {
     **_OF_POINTS,

@@ -148,7 +148,7 @@ MODES = Layout(
             _MODE, "Hz",
             "natural frequencies with every contact as it is at static equilibrium, friction included", optional=True,
         ),
-        "resting_damping_ratios": Variable(_MODE, "1", "modal damping ratios there", optional=True),
+        "resting_damping_ratios": Variable(_MODE, "1", "modal damping ratios at static equilibrium", optional=True),
         "kept_modes": Variable((), "1", "number of modes kept by the reduction", int),
         "coordinates": Variable(
             (), "1", "number of coordinates of a structure without a mesh of its own, imported or of masses", int,
@@ -163,7 +163,7 @@ MODES = Layout(
             "larger; NaN where it is not known",
         ),
         "probe_bound": Variable(
-            (), "1", "the same of the receptance between these and the probes", optional=True
+            (), "1", "bound of the error of the receptance between contacts, loads and probes, likewise", optional=True
         ),
         "snubber": Variable(_SNUBBER, "1", "name of the snubber", str),
         "dashpot": Variable(_SNUBBER, "{force_unit} s/{gap_unit}", "damping constant of the snubber"),

@@ -26,14 +26,16 @@ MOTIONS = Layout(
     {
         "motion": Variable(_MOTION, "1", "number of the motion", int),
         "frequency_hz": Variable(_MOTION, "Hz", _HZ),
-        "number": Variable(_MOTION, "1", "number at its frequency, from 1: those that most starts come to first", int),
+        "number": Variable(
+            _MOTION, "1", "number of the motion at its frequency, from 1, the one that most starts lead to first", int
+        ),
         "kind": Variable(_MOTION, "", "periodic, quasi-periodic or chaotic", str),
         "period_cycles": Variable(
             _MOTION, "1", "period in cycles of the excitation; 0 of a motion that is not periodic", int
         ),
         "stable": Variable(_MOTION, "1", "whether it attracts its neighbours", bool, flags=FLAGS),
-        "starts": Variable(_MOTION, "1", "number of starts that come to it", int),
-        "share": Variable(_MOTION, "1", "share of the starts that come to it; NaN of an unstable motion"),
+        "starts": Variable(_MOTION, "1", "number of starts that lead to it", int),
+        "share": Variable(_MOTION, "1", "share of the starts that lead to it; NaN for an unstable motion"),
         "share_low": Variable(_MOTION, "1", "lower end of the 95 % interval of that probability (Clopper and Pearson)"),
         "share_high": Variable(_MOTION, "1", "upper end"),
         "lyapunov_exponent": Variable(
@@ -48,13 +50,13 @@ STARTS = Layout(
     {
         "frequency_hz": Variable(_FREQUENCY, "Hz", _HZ),
         "start_number": Variable(_START, "1", "number of the start", int),
-        "drawn": Variable(_DRAWN, "1", "number of what is drawn", int),
-        "coordinate_name": Variable(_DRAWN, "", "what is drawn of each start", str),
+        "drawn": Variable(_DRAWN, "1", "number of the drawn quantity", int),
+        "coordinate_name": Variable(_DRAWN, "", "quantity of each start that is drawn", str),
         "coordinate_unit": Variable(_DRAWN, "", "its unit", str),
         "start": Variable(_START + _DRAWN, "", "coordinates of each start"),
         "destination": Variable(
             _FREQUENCY + _START, "1",
-            "number of the motion at the frequency that a start comes to; 0 where it has not settled", int,
+            "number of the motion at the frequency that a start leads to; 0 if it has not settled", int,
         ),
         "cycles": Variable(
             _FREQUENCY + _START, "1", "cycles of the excitation until then; 0 of a start that was left out", int
@@ -72,7 +74,7 @@ DISTURBANCES = Layout(
         "probe": Variable(_DISTURBANCE, "", "probe of the impulse; empty for a pulse of the base", str),
         "unit": Variable(_DISTURBANCE, "", "unit of the amplitude", str),
         "amplitude": Variable(
-            _DISTURBANCE, "{unit}", "smallest one found that leaves the motion; NaN where none of those tried does"
+            _DISTURBANCE, "{unit}", "smallest disturbance found that ends the motion; NaN if none that was tried does"
         ),
         "time_s": Variable(_DISTURBANCE, "s", "time in the motion's period at which it acts"),
         "largest_tried": Variable(_DISTURBANCE, "{unit}", "largest amplitude that is tried"),

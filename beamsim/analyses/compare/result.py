@@ -120,7 +120,7 @@ SWEEPS = Layout(
     {
         **_ABOUT,
         "curve": Variable(_CHANNEL, "", "curve of the sweep", str),
-        "detector": Variable(_CHANNEL, "", "what is compared of each cycle: peak, fundamental or rms", str),
+        "detector": Variable(_CHANNEL, "", "compared value of each cycle: peak, fundamental or rms", str),
         "frac": Variable(_CHANNEL, "1", "frequency response assurance criterion"),
         "begin_s": Variable(
             _CHANNEL, "s", "time of the measured history at which the curve begins; NaN of responses over frequency"

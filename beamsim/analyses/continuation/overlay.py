@@ -22,7 +22,7 @@ OVERLAY = Layout(
     "The curves of sweeps that are drawn over the branches.",
     {
         **{name: CURVES.variables[name] for name in ("curve", *_COLUMNS)},
-        "source": Variable(_CURVE, "", "file it comes from; empty where it was computed with the branches", str),
+        "source": Variable(_CURVE, "", "file that it was read from; empty if it was computed with the branches", str),
         "title": Variable(_CURVE, "", "title of its scenario", str),
     },
     optional=True,

@@ -79,7 +79,9 @@ MULTIPLE_SCALES_FACTORS = Layout(
         "comparison": Variable(_FACTOR, "1", "number of the level, from 0", int, names="multiple_scales/comparison"),
         "factor": Variable(_FACTOR, "1", "factor of springs, damping and force"),
         "factor_frequency_hz": Variable(_FACTOR, "Hz", "excitation frequency at the factor"),
-        "stability_agrees": Variable(_FACTOR, "1", "whether exact and slow stability agree", bool, flags=("no", "yes")),
+        "stability_agrees": Variable(
+            _FACTOR, "1", "whether the exact stability and that of the slow flow agree", bool, flags=("no", "yes")
+        ),
         "order": Variable(("order",), "1", "order of the expansion", int),
         "difference": Variable(
             (*_FACTOR, "order"),

@@ -46,7 +46,7 @@ STIFFNESS = Layout(
         "monte_carlo_standard_deviation": Variable((), "N/m", "standard deviation of Monte Carlo samples"),
         "monte_carlo_interval": Variable(("end",), "N/m", "confidence interval by Monte Carlo sampling"),
         "monte_carlo_samples": Variable((), "1", "number of Monte Carlo samples", int),
-        "monte_carlo_unreachable": Variable((), "1", "share of samples that no stiffness explains"),
+        "monte_carlo_unreachable": Variable((), "1", "share of the Monte Carlo samples that no stiffness fits"),
         "residual": Variable((), "1", "root mean square of (predicted - measured) / measured over the modes used"),
         "individual": Variable(
             _MODE, "N/m", "stiffness from each of these modes alone; NaN where it is out of reach"
@@ -55,7 +55,7 @@ STIFFNESS = Layout(
             (*_MODE, "end"), "N/m", "confidence interval of each of these; NaN where it is not known"
         ),
         "reach_hz": Variable(
-            (*_MODE, "end"), "Hz", "for each of these modes the range of frequencies that a stiffness can reach"
+            (*_MODE, "end"), "Hz", "for each of these modes the range of frequencies that any stiffness can give"
         ),
         "condition": Variable(
             _MODE, "1", "k df/dk / f of each of these modes: relative change in f for one in k"
@@ -64,7 +64,7 @@ STIFFNESS = Layout(
         "table_force": Variable(
             (), "N", "of a snubber with a force-deflection table its force at static equilibrium", optional=True
         ),
-        "table_deflection": Variable((), "m", "deflection of the table there", optional=True),
+        "table_deflection": Variable((), "m", "deflection of the table at static equilibrium", optional=True),
         "table_segment": Variable((), "1", "number of the segment of the table there, from 1", int, optional=True),
         "table_segments": Variable((), "1", "number of segments", int, optional=True),
         "table_slope": Variable((), "N/m", "slope of that segment in the scenario", optional=True),
@@ -111,7 +111,7 @@ PROFILES = Layout(
     "Profile likelihoods, one after the other: the misfit over one parameter, all others fitted again.",
     {
         "profile": Variable(_PROFILE, "1", "number of the profile", int),
-        "fit": Variable(_PROFILE, "1", "of which fit it is: stiffness, update or nonlinear", str),
+        "fit": Variable(_PROFILE, "1", "fit that it belongs to: stiffness, update or nonlinear", str),
         "parameter": Variable(_PROFILE, "1", "path of the parameter in the scenario; stiffness: the snubber's", str),
         "unit": Variable(_PROFILE, "", "SI unit of the parameter", str),
         "coverage": Variable((), "1", "probability of the intervals of the fits"),
@@ -194,7 +194,7 @@ TESTS = Layout(
         ),
         "misfit": Variable(_TEST, "1", "its part of chi squared with the estimated values"),
         "misfit_without": Variable(
-            _TEST, "1", "chi squared of a fit to the other tests alone, to first order; NaN: too few"
+            _TEST, "1", "chi squared of a fit to the other tests alone, to first order; NaN if there are too few"
         ),
         "frequency_hz": Variable(_TEST, "Hz", "frequency of the excitation of a steady vibration", optional=True),
         "noise": Variable(_TEST, "{unit}", "standard deviation of a sample of a transient", optional=True),
@@ -228,10 +228,10 @@ TESTS = Layout(
         "sample_predicted": Variable(
             _SAMPLE, "", f"predicted with the estimated values, with the record's mean{_IN_ITS_UNIT}"
         ),
-        "peak": Variable(_PEAK, "1", "number of what was measured", int),
+        "peak": Variable(_PEAK, "1", "number of the measured quantity", int),
         "peak_test": Variable(_PEAK, "1", _OF_TEST, int, names="tests/test"),
         "peak_what": Variable(
-            _PEAK, "", "what was measured: a jump, a frequency of a peak, or a peak of a probe", str
+            _PEAK, "", "measured quantity: a jump, the frequency of a peak, or a peak of a probe", str
         ),
         "peak_measured": Variable(_PEAK, "", "measured, Hz or units of peaks"),
         "peak_noise": Variable(_PEAK, "", "standard deviation, likewise"),
@@ -259,7 +259,7 @@ PAD = Layout(
         "misfit": Variable(
             (), "1", "root mean square of the relative errors of the complex stiffness or the relaxation"
         ),
-        "least_misfit": Variable((), "1", "the same with as many branches as there could be"),
+        "least_misfit": Variable((), "1", "misfit with the largest possible number of branches"),
         "ramp": Variable((), "s", "time over which the deflection of a relaxation test rises", optional=True),
         "branch": Variable(_BRANCH, "1", "number of the Maxwell branch, in the order of relaxation times", int),
         "branch_stiffness": Variable(_BRANCH, "N/m", "stiffness of each branch"),
@@ -272,13 +272,13 @@ PAD = Layout(
         "measured_stiffness": Variable(
             _MEASUREMENT, "N/m", "measured storage stiffness, or force over deflection in relaxation"
         ),
-        "fitted_stiffness": Variable(_MEASUREMENT, "N/m", "the same of spring and branches"),
+        "fitted_stiffness": Variable(_MEASUREMENT, "N/m", "storage stiffness or relaxation of spring and branches"),
         "measured_loss_factor": Variable(_MEASUREMENT, "1", "measured loss factor", optional=True),
         "fitted_loss_factor": Variable(_MEASUREMENT, "1", "loss factor of spring and branches", optional=True),
         "point": Variable(_POINT, "1", "number of the point of the fitted curve", int),
         "curve_at": Variable(_POINT, "{unit}", "frequency or time of the fitted curve"),
-        "curve_stiffness": Variable(_POINT, "N/m", "storage stiffness or relaxation there"),
-        "curve_loss_factor": Variable(_POINT, "1", "loss factor there; zero in relaxation"),
+        "curve_stiffness": Variable(_POINT, "N/m", "storage stiffness or relaxation at that point"),
+        "curve_loss_factor": Variable(_POINT, "1", "loss factor at that point; zero in relaxation"),
     },
     optional=True,
 )

@@ -95,7 +95,7 @@ _SUMMARY = (
     Entry("fit_to", variable="stiffness/mode"),
     Entry("stiffness_n_per_m", variable="stiffness/stiffness"),
     Entry("standard_deviation_n_per_m", variable="stiffness/standard_deviation"),
-    Entry("uncertainty_from", "", "given, scatter (of the modes), or empty where it is unknown", form=Text),
+    Entry("uncertainty_from", "", "its source: given, scatter (of the modes), or empty if unknown", form=Text),
     Entry("coverage", variable="stiffness/coverage"),
     Entry("interval_n_per_m", variable="stiffness/interval"),
     Entry("interval_first_order_n_per_m", variable="stiffness/interval_first_order"),
@@ -140,7 +140,7 @@ _SUMMARY = (
              form=dict[str, Pair]),
     Entry("test_delays_s", "s", "by nonlinear test whose delay is fitted, it and the ends of its interval",
              form=dict[str, list[Number]]),
-    Entry("starts_agreeing", "1", "starting points that ended in the best minimum, and all of them", "fit", form=Pair),
+    Entry("starts_agreeing", "1", "starting points that reached the best minimum, and all of them", "fit", form=Pair),
     Entry("processor_time_s", "s", "processor time", "solver"),
 )  # fmt: skip
 

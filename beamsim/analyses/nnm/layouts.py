@@ -49,8 +49,8 @@ JUMPS = Layout(
     "Gaps in the backbone where internal resonances cut it.",
     {
         "jump": Variable(_JUMP, "1", "number of the jump", int),
-        "start": Variable(_JUMP, "{unit}", "parameter of the last point before"),
-        "end": Variable(_JUMP, "{unit}", "parameter of the first point beyond"),
+        "start": Variable(_JUMP, "{unit}", "parameter of the last point before the gap"),
+        "end": Variable(_JUMP, "{unit}", "parameter of the first point after the gap"),
         "mode": Variable(_JUMP, "1", "the other mode, from 1; 0 where unknown", int),
         "ratio": Variable(_JUMP, "1", "n of n:1; 0 where unknown", int),
     },
@@ -130,10 +130,10 @@ PHASE_RESONANCE = Layout(
             (*_LEVEL, "period"), "1", "largest distance from the mode in a period, in the norm of energy"
         ),
         "instant": Variable(_INSTANT, "1", "number of an instant of rest of the mode in the last period", int),
-        "instants": Variable(_LEVEL + _INSTANT, "s", "time of that instant"),
+        "instants": Variable(_LEVEL + _INSTANT, "s", "time of the instant of rest"),
         **_OF_STATIONS,
-        "shapes": Variable(_LEVEL + _INSTANT + _STATION, "m", "deflection of the structure then"),
-        "mode_shapes": Variable(_LEVEL + _INSTANT + _STATION, "m", "deflection of the mode then"),
+        "shapes": Variable(_LEVEL + _INSTANT + _STATION, "m", "deflection of the structure at that instant"),
+        "mode_shapes": Variable(_LEVEL + _INSTANT + _STATION, "m", "deflection of the mode at that instant"),
     },
     optional=True,
 )  # fmt: skip
@@ -212,7 +212,7 @@ MULTIPLE_SCALES = Layout(
         "second_hz": Variable((), "Hz", "change of the frequency per squared factor"),
         "coupled_mode": Variable((), "1", "mode with the largest first-order component", int),
         "harmonic": Variable((), "1", "its harmonic", int),
-        "reach": Variable((), "1", "factors should be well below this one"),
+        "reach": Variable((), "1", "upper limit of validity: the expansion needs factors well below this one"),
         "pole": Variable((), "1", "factor above which the initial vector is not yet at its asymptotic order"),
         "pole_mode": Variable((), "1", "mode whose coordinate it is; 0 for none", int),
         "pole_harmonic": Variable((), "1", "harmonic that is close to it", int),
@@ -250,7 +250,7 @@ RELAXED_MINIMISATION = Layout(
     "same factors; NaN where a tongue cuts the backbone.",
     {
         "factor": Variable(_FACTOR, "1", "stiffness factor"),
-        "steps": Variable((), "1", "steps asked for", int),
+        "steps": Variable((), "1", "number of requested steps", int),
         "tolerance": Variable((), "1", "tolerance of the functional"),
         **outcome_variables(()),
         "shooting_motions": Variable(
@@ -273,7 +273,11 @@ RELAXED_MINIMISATION = Layout(
         ),
         "nearby_motion": Variable(_FACTOR, "", "exact motion near it: same, other, none or between", str),
         "jumped": Variable(
-            _FACTOR, "1", "whether the step left the motion that the one before was on", bool, flags=("no", "yes")
+            _FACTOR,
+            "1",
+            "whether the step jumped to another motion than that of the previous step",
+            bool,
+            flags=("no", "yes"),
         ),
         **_OF_COORDINATES,
         "coordinates": Variable((*_FACTOR, "coordinate"), "kg^0.5 m", "coordinates at rest"),

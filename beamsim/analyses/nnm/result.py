@@ -46,7 +46,7 @@ _SUMMARY = (
     Entry("points", "1", "points of the backbone"),
     Entry("energy_error", "1", "largest change of the energy along a motion of any branch, relative to the energy",
              "solver"),
-    Entry("stable_points", "1", "those of them that are stable"),
+    Entry("stable_points", "1", "number of stable ones"),
     Entry("start", "", "first point of the backbone: parameter, frequency, energy", form=POINT),
     Entry("end", "", "last point of the backbone: parameter, frequency, energy", form=POINT),
     Entry("period_s", "s", "period of the last point"),
@@ -68,7 +68,7 @@ _SUMMARY = (
     Entry("phase_resonance", "", "of forced motions at phase resonance: quantity, unit, probe, and level by level "
              "what was predicted and found", form=OF_LEVELS),
     Entry("motion_frequency_hz", "Hz", "frequency of the motion that is drawn", "drawn motion"),
-    Entry("motion_drift", "1", "how far it is from its start after the periods of its spectrum, relative",
+    Entry("motion_drift", "1", "relative change of the state over the periods of its spectrum",
              "drawn motion",
              "motion/drift"),
     Entry("motion_periods", "1", "number of these periods", "drawn motion", variable="motion/periods"),
@@ -76,7 +76,7 @@ _SUMMARY = (
     Entry("largest_residual", "1", "largest residual of the periodicity condition along the backbone",
              "solver"),
     Entry("smallest_share", "1", "smallest share of the energy in the mode at the slowest instant, along the backbone"),
-    Entry("smallest_share_at", "", "the parameter there"),
+    Entry("smallest_share_at", "", "value of the parameter at that point"),
     *CONVERGENCE,
     PROCESSOR_TIME,
 )  # fmt: skip

@@ -25,7 +25,7 @@ HISTORIES = Layout(
         "probe": Variable(_PROBE, "1", "name of the probe", str),
         "probe_body": Variable(_PROBE, "1", "name of the body", str, optional=True),
         "position": Variable(_PROBE, "m", "position along the beam; the number of the mass in a chain"),
-        "position_y": Variable(_PROBE, "m", "on a plate position from its bottom edge", optional=True),
+        "position_y": Variable(_PROBE, "m", "on a plate the y, from its bottom edge", optional=True),
         "displacement": Variable(_PROBE + _TIME, "m", "displacement relative to the base"),
         "absolute_displacement": Variable(_PROBE + _TIME, "m", "absolute displacement"),
         "velocity": Variable(_PROBE + _TIME, "m/s", "velocity relative to the base"),
@@ -39,7 +39,7 @@ HISTORIES = Layout(
             _SNUBBER, "m",
             "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses",
         ),
-        "snubber_position_y": Variable(_SNUBBER, "m", "on a plate position from its bottom edge", optional=True),
+        "snubber_position_y": Variable(_SNUBBER, "m", "on a plate the y, from its bottom edge", optional=True),
         "snubber_side": Variable(_SNUBBER, "", "below or above; between two masses approach or separation", str),
         "snubber_stiffness": Variable(
             _SNUBBER, "{force_unit}/{gap_unit}", "stiffness; of a force-deflection table its first slope"
@@ -60,7 +60,7 @@ HISTORIES = Layout(
         ),
         "snubber_table_misfit": Variable(
             _SNUBBER, "{force_unit}",
-            "root mean square of what a force-deflection table leaves of the measured forces", optional=True,
+            "root mean square of the difference between measured forces and the table", optional=True,
         ),
         "snubber_residual_crush": Variable(
             _SNUBBER, "{gap_unit}", "of a stop that yields, how far it stays crushed at the end of the motion",
@@ -115,7 +115,7 @@ HISTORIES = Layout(
         ),
         "friction_sliding_share": Variable(_FRICTION, "1", "share of the time during which it slides"),
         # of the continuous motion: none of a time-stepped or interrupted one
-        "friction_slides": Variable(_FRICTION, "1", "how often sliding begins", int, optional=True),
+        "friction_slides": Variable(_FRICTION, "1", "number of times that sliding begins", int, optional=True),
         "friction_sliding_distance": Variable(_FRICTION, "{gap_unit}", "distance that it slides", optional=True),
         "friction_dissipated_energy": Variable(_FRICTION, "J", "energy lost", optional=True),
         "friction_dissipated_power": Variable(
@@ -196,7 +196,7 @@ SRS = Layout(
     "record of the input ends with its pulse, if it is one, and that of a response with the run.",
     {
         **_OSCILLATOR,
-        "signal": Variable(_SIGNAL, "1", "name and quantity of the signal, the input first", str),
+        "signal": Variable(_SIGNAL, "1", "name and quantity of the signal; the input comes first", str),
         "name": Variable(_SIGNAL, "1", "input, the name of the probe, or support and its name", str),
         "maximax": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "largest magnitude at any time"),
         "primary": Variable(_SIGNAL + _FREQUENCY, "m/s^2", "largest magnitude during the record"),
@@ -212,7 +212,7 @@ MATCHED = Layout(
     "Shock response spectrum of a base motion that was made for it, during the record and after it.",
     {
         **_OSCILLATOR,
-        "target": Variable(_FREQUENCY, "m/s^2", "curve that was asked for"),
+        "target": Variable(_FREQUENCY, "m/s^2", "required curve"),
         "reached": Variable(_FREQUENCY, "m/s^2", "maximax spectrum of the record"),
         "misfit_db": Variable(_FREQUENCY, "dB", "20 log10(reached / target)"),
     },
@@ -276,7 +276,7 @@ FRICTION_INTERVALS = Layout(
         "number": Variable(_NUMBER, "1", ROW, int),
         "friction": Variable(_NUMBER, "1", "number of the friction contact, from 0", int, names="histories/friction"),
         "value_name": Variable(_NUMBER, "1", "name of the value", str),
-        "value": Variable(_NUMBER, "", "the value without the first part of the run, in its SI unit"),
+        "value": Variable(_NUMBER, "", "value without the first part of the run, in its SI unit"),
         "low": Variable(_NUMBER, "", "lower end of the interval, 95 %"),
         "high": Variable(_NUMBER, "", "upper end of the interval, 95 %"),
     },
@@ -288,18 +288,18 @@ IMPACTS = Layout(
     "Every impact of the run that is counted, in order of time. Those of stops of hinges are in N m and rad where "
     "others are in N and m.",
     {
-        "minimum_rest_s": Variable((), "s", "contacts of one snubber that are less far apart are one impact"),
-        "force_threshold_n": Variable((), "N", "impacts with a smaller peak force are left out"),
+        "minimum_rest_s": Variable((), "s", "contacts of one snubber with less time between them are one impact"),
+        "force_threshold_n": Variable((), "N", "impacts with a smaller peak force are not counted"),
         "impact": Variable(_IMPACT, "1", "number of the impact", int),
         "snubber": Variable(_IMPACT, "1", "number of the snubber, from 0", int, names="histories/snubber"),
         "begin": Variable(
-            _IMPACT, "s", "time at which the impact begins, or the run where it is in contact then"
+            _IMPACT, "s", "time at which the impact begins; the start of the run if it is in contact then"
         ),
-        "end": Variable(_IMPACT, "s", "time at which the impact ends, or the run where that is before"),
+        "end": Variable(_IMPACT, "s", "time at which the impact ends; the end of the run if it is in contact then"),
         "contact_time": Variable(
-            _IMPACT, "s", "time in contact; less than end - begin where contacts are joined"
+            _IMPACT, "s", "time in contact; less than end - begin if the impact consists of several contacts"
         ),
-        "contacts": Variable(_IMPACT, "1", "contacts that are joined in the impact", int),
+        "contacts": Variable(_IMPACT, "1", "number of contacts that the impact consists of", int),
         "peak_force": Variable(_IMPACT, "N", "largest force"),
         "peak_time": Variable(_IMPACT, "s", "time of the largest force"),
         "impulse": Variable(_IMPACT, "N s", "integral of the force"),
@@ -313,22 +313,22 @@ IMPACTS = Layout(
             _IMPACT, "J", "energy lost in the snubber from the beginning of the impact to that of the next"
         ),
         "incomplete": Variable(
-            _IMPACT, "1", "whether the impact lasts when the run begins or ends", bool, flags=("complete", "incomplete")
+            _IMPACT, "1", "whether the start or end of the run cuts it off", bool, flags=("complete", "incomplete")
         ),
         "restitution": Variable(
-            _IMPACT, "1", "separation speed over approach speed; NaN where either is unknown or none"
+            _IMPACT, "1", "separation speed over approach speed; NaN if one of them is unknown or zero"
         ),
     },
     optional=True,
 )  # fmt: skip
 OF_SNUBBERS = {
-    "number": Variable(_SNUBBER, "1", "impacts that are counted", int),
-    "incomplete": Variable(_SNUBBER, "1", "of them those that last when the run begins or ends", int),
+    "number": Variable(_SNUBBER, "1", "number of counted impacts", int),
+    "incomplete": Variable(_SNUBBER, "1", "counted impacts that the start or end of the run cuts off", int),
     "below_threshold": Variable(
-        _SNUBBER, "1", "impacts left out, whose peak force is below the threshold", int
+        _SNUBBER, "1", "number of impacts that are not counted, because their peak force is below the threshold", int
     ),
     "rate_hz": Variable(_SNUBBER, "Hz", "impacts per second"),
-    "contact_share": Variable(_SNUBBER, "1", "share of the time in contact, with the impacts left out"),
+    "contact_share": Variable(_SNUBBER, "1", "share of the time in contact, impacts below the threshold included"),
     "mean_contact_time_s": Variable(_SNUBBER, "s", "mean time in contact of an impact"),
     "longest_contact_time_s": Variable(_SNUBBER, "s", "longest time in contact of an impact"),
     "peak_force_n": Variable(_SNUBBER, "{force_unit}", "largest peak force"),
@@ -381,7 +381,7 @@ IMPACT_STATISTICS = Layout(
             _INTERVAL, "1", "number of the snubber, from 0", int, names="impact_statistics/snubber"
         ),
         "value_name": Variable(_INTERVAL, "1", "name of the value", str),
-        "value": Variable(_INTERVAL, "", "the value without the first part of the run, in its SI unit"),
+        "value": Variable(_INTERVAL, "", "value without the first part of the run, in its SI unit"),
         "low": Variable(_INTERVAL, "", "lower end of the interval, 95 %"),
         "high": Variable(_INTERVAL, "", "upper end of the interval, 95 %"),
     },
@@ -393,7 +393,7 @@ FATIGUE = Layout(
     {
         "body": Variable(_BODY, "1", "name of the body", str),
         "position": Variable(_BODY, "m", "where the damage is largest, on a plate its x"),
-        "position_y": Variable(_BODY, "m", "on a plate its y; NaN on a beam", optional=True),
+        "position_y": Variable(_BODY, "m", "on a plate the y coordinate; NaN on a beam", optional=True),
         "component": Variable(
             _BODY, "", "on a plate the component of the stress: x, y or xy", str, optional=True
         ),
@@ -414,7 +414,7 @@ FATIGUE = Layout(
             _BODY, "1", "lower end of the interval of the damage, 95 %, of the mean of runs with other seeds; NaN "
             "where there is none", optional=True,
         ),
-        "damage_high": Variable(_BODY, "1", "upper end of that interval", optional=True),
+        "damage_high": Variable(_BODY, "1", "upper end of this interval", optional=True),
         **_cycles("body", "fatigue/body", "Pa"),
     },
     optional=True,
@@ -424,7 +424,7 @@ RANDOM = Layout(
     "random",
     "Statistics of a run with a stationary random input, without the first part of the run; the input first.",
     {
-        "start_s": Variable((), "s", "what comes before is left out"),
+        "start_s": Variable((), "s", "earlier times are not analysed"),
         "test_duration_s": Variable((), "s", "duration of the test for which the largest values are expected"),
         "frequency_hz": Variable(_FREQUENCY, "Hz", "frequency"),
         "level": Variable(_LEVEL, "1", "level above the mean, in standard deviations of the signal"),
@@ -454,7 +454,7 @@ RANDOM = Layout(
             _SIGNAL, "{unit}", "lower end of the interval of the root mean square, 95 % of records of a Gaussian input",
             optional=True,
         ),
-        "rms_high": Variable(_SIGNAL, "{unit}", "upper end of that interval", optional=True),
+        "rms_high": Variable(_SIGNAL, "{unit}", "upper end of this interval", optional=True),
         "degrees_of_freedom": Variable(
             _SIGNAL, "1", "equivalent degrees of freedom of the mean square", optional=True
         ),
@@ -466,8 +466,8 @@ RANDOM = Layout(
         "expected_peak_low": Variable(
             _SIGNAL, "{unit}", "lower end of the interval of the largest magnitude, 95 % of tests", optional=True
         ),
-        "expected_peak_high": Variable(_SIGNAL, "{unit}", "upper end of that interval", optional=True),
-        "expected_peak_unknown": Variable(_SIGNAL, "", "why it is not stated", str, optional=True),
+        "expected_peak_high": Variable(_SIGNAL, "{unit}", "upper end of this interval", optional=True),
+        "expected_peak_unknown": Variable(_SIGNAL, "", "reason why it is not stated", str, optional=True),
         "three_sigma": Variable(
             _SIGNAL, "{unit}", "magnitude of the mean, and three standard deviations; of an acceleration behind "
             "run.low_pass", optional=True,
@@ -508,7 +508,7 @@ RANDOM = Layout(
             _PROBE + _FREQUENCY, "{transmissibility_unit}", "response over input (H1), real part"
         ),
         "transmissibility_imag": Variable(
-            _PROBE + _FREQUENCY, "{transmissibility_unit}", "imaginary part of that"
+            _PROBE + _FREQUENCY, "{transmissibility_unit}", "imaginary part of it"
         ),
         "coherence": Variable(_PROBE + _FREQUENCY, "1", "coherence of response and input"),
     },
@@ -518,14 +518,14 @@ CONTACT = Layout(
     "contact",
     "The motion of several bodies when the largest contact force of all snubbers acts.",
     {
-        "time": Variable((), "s", "when that is"),
-        "contact_snubber": Variable((), "1", "at which snubber, number from 0", int, names="contact/snubber"),
-        "force": Variable((), "N", "that force"),
+        "time": Variable((), "s", "time of the largest contact force"),
+        "contact_snubber": Variable((), "1", "snubber with this force, number from 0", int, names="contact/snubber"),
+        "force": Variable((), "N", "largest contact force"),
         "station": Variable(_STATION, "1", "number of the station of the mode shapes", int),
-        "deflection": Variable(_STATION, "m", "deflection relative to the base then"),
+        "deflection": Variable(_STATION, "m", "deflection relative to the base at that time"),
         "snubber": Variable(("snubber",), "1", "name of the snubber", str),
         "opening": Variable(
-            ("snubber",), "{gap_unit}", "distance to its face as it is then; 0 while it touches or is held"
+            ("snubber",), "{gap_unit}", "distance to its face at that time; 0 in contact or while latched"
         ),
     },
     optional=True,

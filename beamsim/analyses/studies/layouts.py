@@ -13,7 +13,7 @@ CASES = Layout(
     "Every case: its parameters, responses, margins and objectives. The cases of a grid are in C order over its "
     "parameters.",
     {
-        "analysis": Variable((), "", "what was done with each case: run, or the kind of sweep", str),
+        "analysis": Variable((), "", "analysis of each case: run, or the kind of sweep", str),
         "kind": Variable(
             (), "", "grid, zip, one_at_a_time, latin_hypercube, sobol, optimise, reliability, or draws of an ensemble",
             str,
@@ -119,7 +119,11 @@ SOBOL = Layout(
         "response": Variable(_RESPONSE, "1", "name of the response", str),
         "parameter": Variable(_PARAMETER, "1", "path of the varied parameter in the scenario", str),
         "first_order": Variable(_INDEX, "1", "share of the variance of the response by the parameter alone"),
-        "total_order": Variable(_INDEX, "1", "the same with its interactions with other parameters"),
+        "total_order": Variable(
+            _INDEX,
+            "1",
+            "share of the variance of the response by the parameter, with its interactions with other parameters",
+        ),
         "first_order_low": Variable(_INDEX, "1", "lower end of the 95 % interval of first_order"),
         "first_order_high": Variable(_INDEX, "1", "upper end of the 95 % interval of first_order"),
         "total_order_low": Variable(_INDEX, "1", "lower end of the 95 % interval of total_order"),
@@ -154,22 +158,24 @@ RANDOM_NUMBERS = Layout(
         "design": Variable(_NUMBER, "{unit}", "value at the design point"),
         "importance": Variable(_NUMBER, "1", "share of the squared derivatives by the means, each times the deviation"),
         "importance_low": Variable(_NUMBER, "1", "lower end of its 95 % interval; NaN where the method has none"),
-        "importance_high": Variable(_NUMBER, "1", "upper end of it"),
+        "importance_high": Variable(_NUMBER, "1", "upper end of the interval"),
         "by_mean": Variable(
             _NUMBER, "1", "derivative of the logarithm of the probability by the mean, times the deviation"
         ),
         "by_mean_low": Variable(_NUMBER, "1", "lower end of its 95 % interval; NaN where the method has none"),
-        "by_mean_high": Variable(_NUMBER, "1", "upper end of it"),
-        "by_deviation": Variable(_NUMBER, "1", "the same by the deviation, times the deviation"),
+        "by_mean_high": Variable(_NUMBER, "1", "upper end of the interval"),
+        "by_deviation": Variable(
+            _NUMBER, "1", "derivative of the logarithm of the probability by the deviation, times the deviation"
+        ),
         "doubles": Variable(
             _NUMBER + _SIDE,
             "{unit}",
             "change of the mean for which the probability doubles; NaN without one of less than three deviations",
         ),
         "doubles_low": Variable(
-            _NUMBER + _SIDE, "{unit}", "smallest size of it in the 95 % interval; NaN where the method has none"
+            _NUMBER + _SIDE, "{unit}", "smallest magnitude in the 95 % interval; NaN if the method gives none"
         ),
-        "doubles_high": Variable(_NUMBER + _SIDE, "{unit}", "largest size of it"),
+        "doubles_high": Variable(_NUMBER + _SIDE, "{unit}", "largest magnitude of it"),
         "side": Variable(_SIDE, "1", "whether the mean rises or falls", str),
     },
     optional=True,
@@ -199,7 +205,9 @@ ROUNDS = Layout(
     {
         "round": Variable(_ROUND, "1", "number of the round", int),
         "histories": Variable(_ROUND, "1", "number of histories", int),
-        "level": Variable(_ROUND, "1", "1 - value / limit that is counted as exceeded; 0 is the limit itself"),
+        "level": Variable(
+            _ROUND, "1", "histories up to this 1 - value / limit count as exceeding; 0 is the limit itself"
+        ),
         "probability": Variable(_ROUND, "1", "probability of that"),
         "variation": Variable(
             _ROUND, "1", "its coefficient of variation; infinite or not a number where there is none"

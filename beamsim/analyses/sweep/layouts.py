@@ -101,8 +101,8 @@ CYCLES = Layout(
         ),
         **{name: variable for quantity in FOLLOWED for name, variable in _statistics(quantity).items()},
         "acceleration_jump": Variable(
-            _PROBE + _CYCLE, "m/s^2", "what jumps of contact forces in the cycle make of the acceleration at a point "
-            "with little mass, or elsewhere by waves in a model of ten times the modes", optional=True,
+            _PROBE + _CYCLE, "m/s^2", "acceleration by jumps of contact forces in the cycle, at a point with little "
+            "mass, or elsewhere by waves in a model of ten times the modes", optional=True,
         ),
         "impact_number": Variable(_SNUBBER + _CYCLE, "1", "impacts per cycle: closings", optional=True),
         "impact_contact_time": Variable(
@@ -136,7 +136,7 @@ CYCLES = Layout(
         "output_at": Variable(_OUTPUT, "", "where it is: a place, a support, a joint or a body", str),
         "output_maximum": Variable(_OUTPUT + _CYCLE, "{unit}", "largest value of a cycle"),
         "output_minimum": Variable(_OUTPUT + _CYCLE, "{unit}", "smallest value of a cycle"),
-        "output_jump": Variable(_OUTPUT + _CYCLE, "{unit}", "the same of an acceleration; else 0", optional=True),
+        "output_jump": Variable(_OUTPUT + _CYCLE, "{unit}", "of an acceleration by jumps of forces", optional=True),
         "output_rms": Variable(
             _OUTPUT + _CYCLE, "{unit}", "root mean square over the time of a cycle, mean included"
         ),
@@ -209,7 +209,7 @@ NOTCH_LIMITS = Layout(
         "unit": Variable(("limit_number",), "", "its unit", str),
         "limit": Variable(("limit_number",), "", "the limit, in that unit"),
         "largest": Variable(("limit_number",), "", "largest magnitude in the sweep, in that unit"),
-        "share": Variable(("limit_number",), "1", "that magnitude over the limit"),
+        "share": Variable(("limit_number",), "1", "largest magnitude over the limit"),
         "frequency_hz": Variable(("limit_number",), "Hz", "excitation frequency of that cycle"),
     },
     optional=True,
@@ -224,8 +224,8 @@ NOTCH_RANGES = Layout(
         "from_hz": Variable(("range",), "Hz", "lowest excitation frequency"),
         "to_hz": Variable(("range",), "Hz", "highest excitation frequency"),
         "at_hz": Variable(("range",), "Hz", "frequency at which the level is lowered most"),
-        "level": Variable(("range",), "{notch_unit}", "level there"),
-        "reduction_db": Variable(("range",), "dB", "that level over the specified one"),
+        "level": Variable(("range",), "{notch_unit}", "level at that point"),
+        "reduction_db": Variable(("range",), "dB", "lowered level over the specified one"),
     },
     optional=True,
 )
@@ -278,7 +278,7 @@ LEVELS = Layout(
         "base_correction_share": Variable(
             _LEVEL, "1", "that correction over the level of the sweep there", optional=True
         ),
-        "base_correction_time": Variable(_LEVEL, "s", "when that is", optional=True),
+        "base_correction_time": Variable(_LEVEL, "s", "time of the largest correction", optional=True),
         "notch_trials": Variable(
             _LEVEL, "1", "motions of a few cycles that were computed to choose the level", int, optional=True
         ),
@@ -349,7 +349,7 @@ LINEAR = Layout(
             "{force_unit} per unit of level: contact force at equilibrium that just keeps contact, all snubbers closed",
         ),
         "contact_preload_alone": Variable(
-            _CONTACT, "1", "the same with the other snubbers as they are at equilibrium"
+            _CONTACT, "1", "preload per unit of level, with the other snubbers as they are at equilibrium"
         ),
         "contact_valid_below": Variable(
             _CONTACT, "{excitation_unit}",
