@@ -88,6 +88,9 @@ def build(tag: str | None) -> None:
     same_files(package, tracked("beamsim"), "the wheel has other files than the package in the repository")
     for name in ("beamsim/py.typed", f"{about}licenses/LICENSE", f"{about}entry_points.txt"):
         demand(name in names[wheel], f"the wheel has no {name}")
+    description = zipfile.ZipFile(wheel).read(f"{about}METADATA").decode().partition("\n\n")[2]
+    relative = re.findall(r"\]\((?!\w+:|#)[^)]*\)", description)
+    demand("# beamsim" in description and not relative, f"links of the README lead nowhere on PyPI: {relative}")
     with tarfile.open(sdist) as file:
         source = {entry.name.partition("/")[2] for entry in file if entry.isfile()}
     same_files(source, tracked() | {"PKG-INFO"}, "the sdist has other files than the repository")
