@@ -62,12 +62,15 @@ COMMANDS = {
         "sweep",
         {"sweep": {**ALONE, "kind": "stepped", "from": "10 Hz", "to": "11 Hz", "points": 2, "direction": "up"}},
     ),
-    "continuation": ("sweep", {"sweep": {**ALONE, "kind": "continuation", "from": "10 Hz", "to": "10.3 Hz"}}),
+    "continuation": (
+        "sweep",
+        {"sweep": {**ALONE, "kind": "continuation", "from": "10 Hz", "to": "10.3 Hz", "side_branches": "none"}},
+    ),
     "harmonic balance": (
         "sweep",
         {
             "sweep": {
-                **ALONE, "kind": "continuation", "from": "10 Hz", "to": "10.2 Hz",
+                **ALONE, "kind": "continuation", "from": "10 Hz", "to": "10.2 Hz", "side_branches": "none",
                 "method": {"kind": "harmonic_balance", "harmonics": 7},
             }
         },

@@ -563,7 +563,7 @@ def test_what_a_limit_is_compared_with_is_on_the_first_screen():
     stop = {"name": "stop", "mass": 1, "side": "above", "stiffness": 1e4, "gap": 1e-3}
     probes = [{"name": name, "mass": 1} for name in "abcdef"]
     limits = {"peak_force": 9e3, "gap": 1.0, "peak_displacement": {"e": 1.0, "f": 1.0}, "peak_acceleration": {"d": 900}}
-    run = OSCILLATOR["run"] | {"duration": 20.0, "test_duration": 30.0, "convergence": "off"}
+    run = OSCILLATOR["run"] | {"duration": 10.0, "test_duration": 20.0, "convergence": "off"}
     case = load_scenario(OSCILLATOR | {"snubbers": [stop], "probes": probes, "limits": limits, "run": run})
     screen = run_screen(beamsim.run(case))
     (line,) = (line for line in screen.lines if line.startswith("largest in"))
