@@ -20,6 +20,7 @@ def test_the_citation_agrees_with_the_project_and_states_no_version():
     assert citation["cff-version"] == "1.2.0"
     assert citation["type"] == "software"
     assert citation["license"] == PROJECT["license"]
+    assert citation["repository-code"] == PROJECT["urls"]["Source"]
     assert citation["authors"] == PROJECT["authors"]
     assert citation["keywords"] == PROJECT["keywords"]
     assert {"title", "message", "abstract"} <= set(citation)
