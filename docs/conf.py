@@ -43,7 +43,6 @@ myst_heading_anchors = 3
 exclude_patterns = ["site_pages", "tutorial.md"]  # the tutorial is built with what its commands print
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
-autodoc_class_signature = "separated"  # results are not constructed by users
 autodoc_preserve_defaults = True
 autodoc_type_aliases = {
     name: name for name in ("Source", "Overrides", "Progress", "Stop", "Floats", "Complexes", "Ints")

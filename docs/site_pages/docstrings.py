@@ -39,13 +39,15 @@ def _after_napoleon(_app: Any, _what: str, name: str, _value: object, _options: 
     lines[:] = _kept.pop(name, lines)
 
 
-def _skip_constructors(_app: Any, _what: str, name: str, *_rest: object) -> bool | None:
-    return True if name in ("__init__", "__new__") else None
+def _signature(_app: Any, what: str, _name: str, value: Any, *_rest: object) -> tuple[str, str] | None:
+    """No signature of a class whose docstring has no parameters: results, for example, are not made by users."""
+    made_by_users = what not in ("class", "exception") or "Parameters\n" in (value.__doc__ or "")
+    return None if made_by_users else ("", "")
 
 
 def setup(app: Any) -> dict[str, bool]:
     """Register the extension, before and after napoleon, whose priority is 500."""
     app.connect("autodoc-process-docstring", _before_napoleon, priority=400)
     app.connect("autodoc-process-docstring", _after_napoleon, priority=600)
-    app.connect("autodoc-skip-member", _skip_constructors)
+    app.connect("autodoc-process-signature", _signature)
     return {"parallel_read_safe": True}

@@ -14,7 +14,8 @@ pytestmark = pytest.mark.quick
 
 PAGE = Path(__file__).parents[2] / "docs/api.md"
 ENTRY = re.compile(
-    r"^\.\. auto(function|class|exception):: beamsim\.(\w+)\n(?:   :members: ((?:.+\n(?:      )?)+?)(?=\.\.|```))?",
+    r"^\.\. auto(function|class|exception):: beamsim\.(\w+)(?:\(\))?\n"
+    r"(?:   :members: ((?:.+\n(?:      )?)+?)(?=\.\.|```))?",
     re.M,
 )
 OF_THE_PACKAGE = {  # members of the classes that the package itself calls
@@ -82,6 +83,28 @@ def test_datasets_of_results_are_on_the_page_of_result_files():
     for kind in KINDS.values():
         for layout in resolve_name(kind.result).DATASETS:
             assert f"### `/{layout.name}`" in page
+
+
+def test_the_text_of_a_parameter_is_not_taken_for_its_type(monkeypatch):
+    """Napoleon reads what follows the colon on the first line of a parameter as a type."""
+    monkeypatch.syspath_prepend(str(PAGE.parent))
+    from site_pages.docstrings import described_parameters
+
+    lines = [
+        "Run.",
+        "",
+        "Parameters",
+        "----------",
+        "time, gap : s, m, of the",
+        "    run.",
+        "",
+        "Returns",
+        "-------",
+        "a : b",
+    ]
+    assert list(described_parameters(lines)) == [
+        *lines[:4], "time, gap", "    s, m, of the", "    run.", *lines[6:],
+    ]  # fmt: skip
 
 
 def test_a_missing_docstring_is_found():
