@@ -1,6 +1,6 @@
 """Build the package as a release does, and try the wheel where nothing of the checkout is.
 
-    python .ci/wheel.py build [--tag v0.1.0]     sdist and wheel in build/dist, with checks of their files and metadata
+    python .ci/wheel.py build [--tag v0.1.0]     sdist and wheel of this commit in build/dist, with checks
     python .ci/wheel.py try [--quick-tests]      the wheel in an empty environment of this Python: its version, the
                                                  README's example, and the tests that need no kernel
 
@@ -69,17 +69,19 @@ def release_and_commit(version: str) -> tuple[str, str]:
 
 
 def build(tag: str | None) -> None:
-    """Make sdist and wheel, and check both."""
+    """Make sdist and wheel of the commit that is checked out, and check both."""
     shutil.rmtree(DIST, ignore_errors=True)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        programs = empty_environment(Path(folder) / "tools")
+        programs, source = empty_environment(Path(folder) / "tools"), Path(folder) / "source"
+        run("git", "clone", "-q", ROOT, source)  # without what tests write into the checkout meanwhile
         needed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
         run(programs / "pip", "install", "-q", "build", "twine", *needed)
         make = (programs / "python", "-m", "build", "--no-isolation", "--outdir")
-        run(*make, DIST, ROOT)  # the wheel is built from the sdist, as users without a wheel do
-        run(*make, folder, "--wheel", ROOT)
+        run(*make, DIST, source)  # the wheel is built from the sdist, as users without a wheel do
+        run(*make, folder, "--wheel", source)
         run(programs / "twine", "check", "--strict", *DIST.iterdir())
         (wheel,), (sdist,), (direct,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz"), Path(folder).glob("*.whl")
+        own = runpy.run_path(str(source / "beamsim" / "version.py"))["__version__"]
         names = {path: set(zipfile.ZipFile(path).namelist()) for path in (wheel, direct)}
     version = wheel.name.split("-")[1]
     same_files(names[wheel], names[direct], "the wheel from the sdist has other files than that from the checkout")
@@ -92,9 +94,8 @@ def build(tag: str | None) -> None:
     relative = re.findall(r"\]\((?!\w+:|#)[^)]*\)", description)
     demand("# beamsim" in description and not relative, f"links of the README lead nowhere on PyPI: {relative}")
     with tarfile.open(sdist) as file:
-        source = {entry.name.partition("/")[2] for entry in file if entry.isfile()}
-    same_files(source, tracked() | {"PKG-INFO"}, "the sdist has other files than the repository")
-    own = runpy.run_path(str(ROOT / "beamsim" / "version.py"))["__version__"]
+        files = {entry.name.partition("/")[2] for entry in file if entry.isfile()}
+    same_files(files, tracked() | {"PKG-INFO"}, "the sdist has other files than the repository")
     demand(release_and_commit(own) == release_and_commit(version), f"the checkout is {own}, but the wheel is {version}")
     demand(
         tag in (None, f"v{version}"), f"the tag is {tag}, but the version is {version}: build a clean clone with tags"
