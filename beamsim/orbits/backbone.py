@@ -24,14 +24,14 @@ from beamsim.typing import Floats
 MODE_LOST = "mode_lost"
 
 STEPS = (1.0, 0.7, 1.4, 0.4)  # of the step in the parameter, tried in turn
-CLEAR = 0.95  # share of energy above which a motion is outside every tongue
-FORWARD = 0.7  # part of the parameter in the unit tangent of a branch that is not about to turn into a tongue
-GRADUAL = 0.1  # of the energy, that the mode may lose over a unit of the parameter (of a logarithm, or a factor of one)
+PURE_SHARE = 0.95  # share of energy above which a motion is outside every tongue
+LEAST_FORWARD = 0.7  # part of the parameter in the unit tangent of a branch that is not about to turn into a tongue
+ENERGY_LOSS = 0.1  # that the mode may lose over a unit of the parameter (a logarithm, or a factor of one)
 SHARES_AT_JUMP = (0.8, 0.65)  # shares of the energy; a motion that the mode dominates more is looked for there, at the
 # lower one over periods and shapes as well, until it has the higher one
-FURTHEST = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
-FURTHEST_JUMP = 0.8  # the same beyond a tongue
-SEARCHED_PARTS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
+MOST_DEVIATION = 0.25  # from the prediction, in scaled unknowns, for a point to belong to the backbone
+MOST_DEVIATION_AT_JUMP = 0.8  # the same beyond a tongue
+SEARCHED_SPEEDS = (-0.3, -0.1, 0.1, 0.3)  # of the speed, in another mode
 
 
 @dataclass(frozen=True)
@@ -204,9 +204,8 @@ class Backbone:
     def _continue_branch(self, a: BranchPoint, full_step: float, *, stop_at_tongue: bool) -> list[BranchPoint]:
         """Points of the branch from a to about a step further, by arclength.
 
-        They end where the parameter turns back; with ``stop_at_tongue`` also where the mode has less than `CLEAR` of
-        the
-        energy and loses it quickly to a tongue.
+        They end where the parameter turns back; with ``stop_at_tongue`` also where the mode has less than
+        `PURE_SHARE` of the energy and loses it quickly to a tongue.
         """
         low, high = sorted((a.parameter, self.end))
         points: list[BranchPoint] = []
@@ -214,18 +213,18 @@ class Backbone:
             if point is a:
                 continue
             along, lost = float(point.tangent[-1]) * self._forward, self.share(a) - self.share(point)
-            slowly = along >= FORWARD and lost <= GRADUAL * abs(point.parameter - a.parameter)
-            if along <= 0 or (stop_at_tongue and self.share(point) <= CLEAR and not slowly):
+            slowly = along >= LEAST_FORWARD and lost <= ENERGY_LOSS * abs(point.parameter - a.parameter)
+            if along <= 0 or (stop_at_tongue and self.share(point) <= PURE_SHARE and not slowly):
                 break
             points.append(point)
             if abs(point.parameter - a.parameter) >= full_step:
                 break
-        self._lost_dominance = self._lost_dominance or (bool(points) and self.share(points[-1]) <= CLEAR)
+        self._lost_dominance = self._lost_dominance or (bool(points) and self.share(points[-1]) <= PURE_SHARE)
         return points
 
     def _motion_at(self, a: BranchPoint, value: float) -> BranchPoint | None:
         """The motion dominated by the mode at a parameter, close to what its neighbours predict."""
-        return next(self._solve(self._predictions(a, value), value, FURTHEST), None)
+        return next(self._solve(self._predictions(a, value), value, MOST_DEVIATION), None)
 
     def _on_dominated_branch(self, a: BranchPoint, b: BranchPoint) -> BranchPoint | None:
         """The motion at the parameter of b that the mode dominates more, where the branch from a to b is a tongue's.
@@ -234,11 +233,11 @@ class Backbone:
         """
         lost = self.share(a) - self.share(b)
         crossed = [level for level in SHARES_AT_JUMP if self.share(b) < level <= self.share(a)]
-        if not crossed or lost <= GRADUAL * abs(b.parameter - a.parameter):
+        if not crossed or lost <= ENERGY_LOSS * abs(b.parameter - a.parameter):
             return None
         # 0.05: of the energy, that the mode has more of in a motion which is worth a jump
         least = self.share(b) + 0.05
-        found = self._solve(self._guesses(b.parameter), b.parameter, FURTHEST_JUMP)
+        found = self._solve(self._guesses(b.parameter), b.parameter, MOST_DEVIATION_AT_JUMP)
         point = next((point for point in found if self.share(point) > least), None)
         if point is None and SHARES_AT_JUMP[1] in crossed:
             point = self._search_motion(b.parameter)
@@ -247,8 +246,8 @@ class Backbone:
     def _predictions(self, a: BranchPoint, value: float) -> Iterator[Floats]:
         """Guesses close to a: along the tangent where it isn't that of a tongue, along the last chord, and a itself."""
         t = a.tangent
-        forward = abs(t[-1]) > FORWARD * float(np.linalg.norm(t[-2:])) and float(np.abs(t[:-2]).max()) < 0.3
-        if forward or abs(t[-1]) > FORWARD:
+        forward = abs(t[-1]) > LEAST_FORWARD * float(np.linalg.norm(t[-2:])) and float(np.abs(t[:-2]).max()) < 0.3
+        if forward or abs(t[-1]) > LEAST_FORWARD:
             yield a.u + (value - a.parameter) / (t[-1] * a.scale[-1]) * t * a.scale
         clean = self._points_outside_tongues[-1]
         before = [p for p in self._points_outside_tongues if abs(p.parameter - clean.parameter) > 1e-12]
@@ -259,7 +258,7 @@ class Backbone:
 
     def _solve(self, guesses: Iterable[Floats], value: float, largest_distance: float) -> Iterator[BranchPoint]:
         """Motions at a parameter, dominated by the mode, to which Newton's method converges from guesses."""
-        settings = self.settings if largest_distance <= FURTHEST else replace(self.settings, iterations=12)
+        settings = self.settings if largest_distance <= MOST_DEVIATION else replace(self.settings, iterations=12)
         for guess in guesses:
             if not self.orbits.split(np.append(guess[:-1], value))[1] > 0:  # a period extrapolated too far
                 continue
@@ -303,7 +302,7 @@ class Backbone:
         remaining = abs(self.end - a.parameter) / full_step
         for distance in sorted({remaining, *distances.tolist()}):
             value = self.end if distance == remaining else a.parameter + self._forward * distance * full_step
-            b = next(self._solve(self._guesses(value), value, FURTHEST_JUMP), None)
+            b = next(self._solve(self._guesses(value), value, MOST_DEVIATION_AT_JUMP), None)
             if b is None and distance > 1.0:
                 b = self._search_motion(value)
             if b is not None:
@@ -329,7 +328,7 @@ class Backbone:
             for other in range(min(self.orbits.n, self.mode + 3)):
                 if other == self.mode or self.orbits.omega[other] <= 0:
                     continue
-                for part in SEARCHED_PARTS:
+                for part in SEARCHED_SPEEDS:
                     lent = part * abs(size) * omega / float(self.orbits.omega[other]) * self.orbits.vectors[:, other]
                     shape = still + np.sqrt(1.0 - part**2) * (pure - still) + lent
                     # searched further, to 1.5, since nothing else was found
@@ -360,7 +359,7 @@ class Backbone:
         size = float(np.linalg.norm(chord))
         along = min(float(a.tangent @ chord), float(b.tangent @ chord))
         # 0.9: cosine between a step and the tangents at its ends that tells a step from a jump
-        return size < FURTHEST and along > 0.9 * size and a.orientation * b.orientation > 0
+        return size < MOST_DEVIATION and along > 0.9 * size and a.orientation * b.orientation > 0
 
     def _is_traced(self, mode: int, ratio: int, parameter: float) -> bool:
         # 4.0: steps of the backbone within which a resonance of the same mode and order is the same tongue

@@ -25,9 +25,9 @@ from beamsim.typing import Floats
 
 CLOSED_CURVE, NOT_SMOOTH, STEP_TOO_SMALL = "closed_curve", "not_smooth", "step_too_small"
 
-STIFF = 1e3  # times the tolerance, up to which a residual may then be round-off, and no sign of divergence
-MOST_ASTRAY = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
-AT_REST = 1e-13  # of a tangent: unknowns below it do not change along the branch
+ROUND_OFF_FACTOR = 1e3  # times the tolerance, up to which a residual may then be round-off, and no sign of divergence
+MOST_OFF_PLANE = 0.1  # of a step, outside the span of both tangents: beyond it lies another branch
+UNCHANGED = 1e-13  # of a tangent: unknowns below it do not change along the branch
 
 
 class ContinuationProblem(Protocol):
@@ -143,7 +143,7 @@ def correct(problem: ContinuationProblem, predictor: Predictor, settings: Settin
             return point.reverse() if reference is not None and float(tangent @ reference) < 0 else point
         # five steps that do not halve the residual lead nowhere
         lost = size > 0.5 * before if iteration % 5 == 1 else iteration > 2 and size > 2.0 * last
-        if iteration == settings.iterations or (lost and size > STIFF * settings.tolerance):
+        if iteration == settings.iterations or (lost and size > ROUND_OFF_FACTOR * settings.tolerance):
             return None
         try:
             step = newton_step(Jw, row, Rw, off)
@@ -167,7 +167,7 @@ def _converged(residual: float, step_size: float, iteration: int, tolerance: flo
     if residual <= (tolerance if iteration else 0.01 * tolerance):
         return True
     # with stiff contacts round-off alone may exceed the tolerance, although the unknowns no longer change
-    return step_size <= ROUND_OFF_STEP and residual <= STIFF * tolerance
+    return step_size <= ROUND_OFF_STEP and residual <= ROUND_OFF_FACTOR * tolerance
 
 
 def solve_at(
@@ -255,7 +255,7 @@ def interpolate_unknowns(
     if float(ta @ chord) <= 0 or float(tb @ chord) <= 0:
         return np.asarray((wb + x * (chord if x <= 0 else length * tb)) * scale)
     bend = x**2 * (length * (ta + 2.0 * tb) - 3.0 * chord) + x**3 * (length * (ta + tb) - 2.0 * chord)
-    bend[(np.abs(ta) < AT_REST) & (np.abs(tb) < AT_REST)] = 0.0  # round-off there would grow from step to step
+    bend[(np.abs(ta) < UNCHANGED) & (np.abs(tb) < UNCHANGED)] = 0.0  # round-off there would grow from step to step
     # 2.0: of a cubic through two neighbours, in lengths between them
     if x > 2.0:
         bend[:] = 0.0
@@ -576,4 +576,4 @@ class Branch:
             return new
         if same and float(new.tangent @ t) < s.smallest_cosine:
             return None
-        return new if _chord_error(point, new) < MOST_ASTRAY else None
+        return new if _chord_error(point, new) < MOST_OFF_PLANE else None

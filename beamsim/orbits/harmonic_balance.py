@@ -43,7 +43,7 @@ from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.aft import cubic, one_sided, to_complex, to_real, toeplitz
 from beamsim.orbits.branch import BranchPoint, Orbit
 from beamsim.orbits.continuation import Settings, correct_across, newton_step, solve_at
-from beamsim.orbits.shooting import STABLE, ForcedOrbits, find_orbit
+from beamsim.orbits.shooting import STABILITY_MARGIN, ForcedOrbits, find_orbit
 from beamsim.system.equations import PiecewiseLinearSystem
 from beamsim.typing import Complexes, Floats, Ints
 
@@ -442,7 +442,7 @@ class ForcedBalance:
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""
         motion, mu = point.data, self.multipliers(point)
-        stable = bool(np.abs(mu[0]) <= 1.0 + STABLE)
+        stable = bool(np.abs(mu[0]) <= 1.0 + STABILITY_MARGIN)
         return Orbit(point.parameter, motion.states(np.zeros(1))[0], motion.period, mu, stable, point.residual)
 
     def same_events(self, a: BranchPoint, b: BranchPoint) -> bool:

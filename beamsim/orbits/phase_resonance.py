@@ -59,7 +59,7 @@ class Appropriation:
         return self.by_structure + self.by_contacts
 
 
-NO_WORK = 1e-9  # share of the largest possible work below which a force does none
+LEAST_WORK = 1e-9  # share of the largest possible work below which a force does none
 
 
 def appropriate_force(
@@ -95,7 +95,7 @@ def appropriate_force(
     work = complex((weight * np.exp(1j * omega * t)) @ power)
     reach = float(np.sqrt(period * (weight @ np.abs(power) ** 2)))
     size = float(np.linalg.norm(load) * np.sqrt(period * (weight @ np.sum(v**2, axis=1))))
-    if abs(work) <= NO_WORK * max(reach, size):
+    if abs(work) <= LEAST_WORK * max(reach, size):
         raise ValueError("the force does no work on this mode (it acts at a node)")
     # a motion that is shift ahead of the mode's own takes Re(work e^{-i omega shift}) from the force
     shift = float(np.angle(work)) / omega % period

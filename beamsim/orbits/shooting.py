@@ -19,8 +19,8 @@ from beamsim.orbits.continuation import Settings, solve_at
 from beamsim.orbits.period import cyclic
 from beamsim.typing import Complexes, Floats
 
-STABLE = 1e-9  # a multiplier's modulus may exceed one by this much
-RESTS = 1e-7  # change of a slider by a unit of the state, over a period, that is round-off
+STABILITY_MARGIN = 1e-9  # a multiplier's modulus may exceed one by this much
+SLIDER_ROUND_OFF = 1e-7  # change of a slider by a unit of the state, over a period, that is round-off
 
 
 @dataclass
@@ -114,9 +114,9 @@ class ForcedOrbits:
         change = candidates @ flow_map.transition - candidates
         n = self._n2 // 2
         change[:, n : 2 * n] *= self.flow.omega
-        resting = candidates[np.abs(change).max(axis=1) < RESTS]
+        resting = candidates[np.abs(change).max(axis=1) < SLIDER_ROUND_OFF]
         _, size, rows = np.linalg.svd(resting, full_matrices=False)
-        return np.asarray(rows[size > RESTS])  # of several that are held at one place one is enough
+        return np.asarray(rows[size > SLIDER_ROUND_OFF])  # of several that are held at one place one is enough
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:
         """Displacements by the largest amplitude of the state, velocities by it times omega."""
@@ -147,7 +147,7 @@ class ForcedOrbits:
     def orbit(self, point: BranchPoint) -> Orbit:
         """What a converged point means."""
         mu = self.multipliers(point)
-        stable = bool(np.abs(mu[0]) <= 1.0 + STABLE)
+        stable = bool(np.abs(mu[0]) <= 1.0 + STABILITY_MARGIN)
         return Orbit(point.parameter, point.u[:-1], point.data.duration, mu, stable, point.residual)
 
 

@@ -164,7 +164,7 @@ def grazings(step: BranchStep[OrbitProblem], budget: Iterator[int], depth: int =
     yield from grazings(step.sub_step(middle, step.b), budget, depth + 1)
 
 
-VANISHED = 1e-6  # of the neighbours' values: the remainder where a guard has vanished
+REMAINDER = 1e-6  # of the neighbours' values: the remainder where a guard has vanished
 
 
 def _at_one_point(
@@ -190,7 +190,7 @@ def _at_one_point(
     if graze is None:
         return []
     found = [nearest(graze, stay) for stay in stays]
-    touching = [abs(value) <= VANISHED * max(map(abs, pair)) for (value, _), pair in zip(found, values, strict=True)]
+    touching = [abs(value) <= REMAINDER * max(map(abs, pair)) for (value, _), pair in zip(found, values, strict=True)]
     if not touching[0] or not (may_be_partial or (all(touching) and _explains(step, graze))):
         return []
     return [

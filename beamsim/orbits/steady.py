@@ -180,7 +180,7 @@ def _unweighted(section: list[Floats], weight: Floats) -> Floats:
 
 
 DISTANCE = 1e-7  # of the motion's size
-NOTICEABLE = 1e-3  # of a rate of growth or decay, a cycle
+LEAST_GROWTH_RATE = 1e-3  # of a rate of growth or decay, a cycle
 BLOCKS = 8
 
 
@@ -233,7 +233,7 @@ def largest_exponent(stepper: CycleStepper | SeriesStepper, motion: Motion, cycl
     mean = float(rate.mean())
     blocks = np.array([block.mean() for block in np.array_split(rate, BLOCKS)])
     error = float(blocks.std(ddof=1) / np.sqrt(BLOCKS))
-    noticeable = NOTICEABLE * omega / (2 * np.pi)
+    noticeable = LEAST_GROWTH_RATE * omega / (2 * np.pi)
     if mean > max(3 * error, noticeable):
         kind = "chaotic"
     elif mean < -max(3 * error, noticeable) or is_nearly_periodic(np.array(section)):
@@ -259,4 +259,4 @@ def is_nearly_periodic(section: Floats) -> bool:
     if least[-longest:].max() <= DISTANCE * size:
         return True
     falls = np.diff([0.5 * np.log(np.mean(part**2)) for part in np.array_split(least, 4)])
-    return bool(np.all(falls < 0.0) and falls.sum() < -NOTICEABLE * 0.75 * least.size)
+    return bool(np.all(falls < 0.0) and falls.sum() < -LEAST_GROWTH_RATE * 0.75 * least.size)

@@ -17,10 +17,10 @@ from beamsim.outcomes import Outcome, OutcomeKind
 from beamsim.typing import Floats
 
 FIRST_AMPLITUDES = (0.3, 0.4)  # of the other mode, against all the energy in it, at which a tongue is entered
-INWARD = (0.2, 0.1)  # the same amplitudes on the way back to the backbone
+RETURN_AMPLITUDES = (0.2, 0.1)  # the same amplitudes on the way back to the backbone
 STEPS = (1.0, 0.6, 1.7, 0.3)  # of the step, tried in turn: over the thinner tongues of third modes
 SHORTEST, LONGEST = 1e-3, 0.12  # steps in scaled unknowns
-BACKGROUND = 0.03  # share of third modes beyond what they had, above which a motion belongs to one of their tongues
+THIRD_MODES = 0.03  # share of third modes beyond what they had, above which a motion belongs to one of their tongues
 LEAST_SHARE = 0.5  # of the energy in the requested mode: a tongue has less somewhere, a jump leads to more
 SAMPLES_A_TURN = 8  # of the fastest coordinate
 
@@ -71,7 +71,7 @@ def resonance_between(orbits: BrakeOrbits, a: BranchPoint, b: BranchPoint, mode:
     return int(other), int(order)
 
 
-RIGID = 1e-6  # of the frequency of the requested mode: a slower mode is a rigid-body mode
+RIGID_BODY_RATIO = 1e-6  # of the frequency of the requested mode: a slower mode is a rigid-body mode
 
 
 @dataclass
@@ -116,7 +116,7 @@ class Tongues:
         -------
         The tongue, from its first motion inwards.
         """
-        if self.orbits.omega[other_mode] < RIGID * self.orbits.omega[self.mode]:
+        if self.orbits.omega[other_mode] < RIGID_BODY_RATIO * self.orbits.omega[self.mode]:
             return None
         left, right = self.orbits.mode_slope(a, other_mode), self.orbits.mode_slope(b, other_mode)
         at = left / (left - right) if left * right < 0 else 0.5
@@ -137,7 +137,7 @@ class Tongues:
         row = self._row(u, other_mode)
         q, _, factor, _ = self.orbits.split(u)
         shares = self.orbits.share(q, factor)
-        most_third = 1.0 - float(shares[self.mode] + shares[other_mode]) + 2 * BACKGROUND
+        most_third = 1.0 - float(shares[self.mode] + shares[other_mode]) + 2 * THIRD_MODES
         settings = replace(self.settings, iterations=12)
         direction = np.zeros(u.size)  # in scaled unknowns, of unit amplitude in the other mode alone
         direction[: self.orbits.n] = row[: self.orbits.n] / float(row @ row)
@@ -159,7 +159,7 @@ class Tongues:
             if point is None:
                 return None
             points.append(point)
-        for amplitude in INWARD:
+        for amplitude in RETURN_AMPLITUDES:
             ahead = points[0].u + (points[0].u - points[1].u)
             point = at(ahead, amplitude)
             if point is None:
@@ -190,7 +190,7 @@ class Tongues:
         while len(points) < self.most_points:
             new = None
             for part in STEPS:
-                new = self._ahead(points, scale, part * ds, other_mode, third + BACKGROUND)
+                new = self._ahead(points, scale, part * ds, other_mode, third + THIRD_MODES)
                 if new is not None:
                     break
                 failures += 1

@@ -58,14 +58,14 @@ from beamsim.outcomes import (
 )
 from beamsim.typing import Floats
 
-RAISED = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve
-BEYOND_GAP = (1.5, 4.0)  # deflections that transients begin with, over those that reach the contact
-TRANSIENT = 80  # periods that these are followed for
+RAISED_LEVELS = (3.0, 10.0, 30.0)  # levels at which a motion with contact is looked for, over that of the curve
+FIRST_DEFLECTIONS = (1.5, 4.0)  # deflections that transients begin with, over those that reach the contact
+TRANSIENT_PERIODS = 80  # periods that these are followed for
 SETTINGS = Settings(iterations=25)
 BACK_TO_PERIOD = "back_to_period"
 EXCURSION = 1.5  # how far beyond the first frequency or level, as a ratio, a branch may go
-COVERED = 1e-3  # of the range: intervals shorter than this count as covered
-COINCIDES = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
+COVERED_SHARE = 1e-3  # of the range: intervals shorter than this count as covered
+SAME_BRANCH = 2e-3  # distance from a known branch, against the motion, within which a motion belongs to it
 
 
 @dataclass(frozen=True)
@@ -131,10 +131,10 @@ def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
         reached = float(np.abs(shape @ linear[:n]))
         if reached == 0.0:
             continue
-        for factor in BEYOND_GAP:
+        for factor in FIRST_DEFLECTIONS:
             for side in (1.0, -1.0):
                 z = linear * (side * factor * max(abs(float(gap)), reached) / reached)
-                z = flow.end(z, TRANSIENT * 2 * np.pi / local.omega)
+                z = flow.end(z, TRANSIENT_PERIODS * 2 * np.pi / local.omega)
                 orbit = solve_at(local, np.append(z, local.value), SETTINGS, local.value)
                 if orbit is not None and local.orbit(orbit).stable:
                     yield orbit.u[:-1]
@@ -143,7 +143,7 @@ def _from_beyond_gaps(local: ForcedOrbits) -> Iterator[Floats]:
 def _follow_down(problem: ForcedOrbits) -> Iterator[Floats]:
     """States at the level of the problem, on branches that come down from levels at which contact exists."""
     level = problem.level
-    for factor in RAISED:
+    for factor in RAISED_LEVELS:
         high = factor * level
         raised = ForcedOrbits(problem.flow.with_loads(problem.omega, high), "level", problem.multiple)
         start = find_orbit(raised, forward=-1.0)
@@ -267,14 +267,14 @@ def gaps_between(spans: Iterable[tuple[float, float]], low: float, high: float) 
     Returns
     -------
     list
-        Begin and end of each interval, increasing; none is shorter than the share `COVERED` of the range.
+        Begin and end of each interval, increasing; none is shorter than the share `COVERED_SHARE` of the range.
     """
     gaps, at = [], low
     for a, b in sorted(spans):
-        if a - at > COVERED * (high - low):
+        if a - at > COVERED_SHARE * (high - low):
             gaps.append((at, a))
         at = max(at, b)
-    if high - at > COVERED * (high - low):
+    if high - at > COVERED_SHARE * (high - low):
         gaps.append((at, high))
     return gaps
 
@@ -541,13 +541,13 @@ def coincides(point: BranchPoint, known_branches: list[OrbitBranch]) -> bool:
             between = a.u + np.clip(off[i] / (off[i] - off[i + 1]), 0.0, 1.0) * (b.u - a.u)
             away = float(np.linalg.norm(((between - point.u) / point.scale)[:-1]))
             apart = float(np.linalg.norm(((a.u - b.u) / point.scale)[:-1]))
-            if away < COINCIDES + 0.1 * apart**2:
+            if away < SAME_BRANCH + 0.1 * apart**2:
                 return True
             if away < apart and min(a.parameter, b.parameter) < p < max(a.parameter, b.parameter):
                 # a sharp peak is far from its chords: on the cubic
                 share = brentq(lambda s, a=a, b=b: float(interpolate_unknowns(a, b, s)[-1]) - p, 0.0, 1.0)
                 off_curve = (interpolate_unknowns(a, b, share) - point.u) / point.scale
-                if float(np.linalg.norm(off_curve[:-1])) < COINCIDES:
+                if float(np.linalg.norm(off_curve[:-1])) < SAME_BRANCH:
                     return True
     return False
 
@@ -620,7 +620,7 @@ def _nearly_yields(problem: ForcedOrbits, point: BranchPoint) -> bool:
 
 
 SAME_PARAMETER = 1e-4  # relative distance within which a bifurcation belongs to a branch that is known
-ALIKE = 1e-7  # difference of a motion's halves, against the motion, below which it has the shorter period
+SAME_HALVES = 1e-7  # difference of a motion's halves, against the motion, below which it has the shorter period
 FEWEST_POINTS = 30  # that a branch gets where many share what is left
 
 
@@ -737,7 +737,7 @@ def _follow(
         """Beyond such a motion every one comes again, half its period later; or a step went over to those it left."""
         nonlocal last
         unlike = _half_period_difference(problem, point)
-        if last is not None and (float(last @ unlike) < 0 or float(np.linalg.norm(unlike)) < ALIKE):
+        if last is not None and (float(last @ unlike) < 0 or float(np.linalg.norm(unlike)) < SAME_HALVES):
             return Outcome.of(OutcomeKind.COMPLETE, BACK_TO_PERIOD, f"back to period {problem.multiple // 2}")
         last = unlike
         return None

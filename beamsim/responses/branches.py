@@ -11,7 +11,7 @@ import numpy as np
 from beamsim.labelled import Dataset
 from beamsim.orbits.branch import OrbitBranch
 from beamsim.orbits.harmonic_balance import truncation
-from beamsim.orbits.shooting import STABLE
+from beamsim.orbits.shooting import STABILITY_MARGIN
 from beamsim.responses.jumps import ACCELERATIONS, WithoutLimit, jumps_of_motion, keys_of, without_limit
 from beamsim.responses.parameters import ResponseModel
 from beamsim.responses.periodic_motion import MeasuredMotion, Measurement, measured_channels
@@ -81,7 +81,7 @@ def response(model: ResponseModel, branch: OrbitBranch, level: float) -> Measure
     spectra = [problem.multipliers(point) for point in branch.points]
     count = min((mu.size for mu in spectra), default=0)
     multipliers = np.array([mu[:count] for mu in spectra])
-    stable = np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABLE
+    stable = np.abs(multipliers).max(axis=1, initial=0.0) <= 1.0 + STABILITY_MARGIN
     by_balance = isinstance(settings.method, HarmonicBalance)
     return MeasuredBranch(
         branch,
