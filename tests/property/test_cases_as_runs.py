@@ -33,7 +33,8 @@ SHORT = {  # others are as long as where their screens are read, or as they stan
     "continuation_position": {"sweep.continue_in.from": "260 mm"},
     "continuation_stiffness": {"sweep.continue_in.to": "60 kN/m"},
     "two_panels_opening": {"sweep.continue_in.to": "0.5 g"},
-    "shock_matched": {"run.duration": "0.1 s"}, "earthquake": {"run.duration": "1 s"},
+    "shock_matched": {"run.duration": "0.1 s", "run.srs": None},  # shock_panel has response spectra
+    "earthquake": {"run.duration": "1 s", "run.srs": None},
     "plate_panel": {"run.duration": "0.05 s"},
     "shock_panel": {"run.duration": "0.05 s"},
     "random_vibration": {"run.duration": "0.2 s", "run.spectrum.last": "0.1 s"},
