@@ -196,37 +196,43 @@ def _pin(stiffness: Any, rigid: Floats) -> tuple[Any, Ints]:
 FIRST_ROW_PREFERENCE = 1e-6  # over the last row, among rows with equal rigid-body motions
 # Larger matrices whose factors are inaccurate without pivoting are not factorised densely.
 DENSE_COUNT = 3000
+# Matrices up to this size are factorised densely at once, in less time.
+SMALL_COUNT = 150
 
 
 def negative_eigenvalues(matrix: Any, order: Ints | None = None) -> int | None:
     """Number of negative eigenvalues of a symmetric sparse matrix; None if round-off hides it.
 
-    ``order`` is an optional order of elimination.
+    ``order`` is an optional order of elimination. A very small matrix, or a small one of which sparse factors give no
+    count, is factorised densely with pivoting (Bunch and Kaufman).
+    """
+    if matrix.shape[0] > SMALL_COUNT:
+        count = _negative_eigenvalues_of_sparse(matrix, order)
+        if count is not None or matrix.shape[0] > DENSE_COUNT:
+            return count
+    diagonal = np.abs(matrix.diagonal())
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    _, d, _ = ldl(scale[:, None] * matrix.toarray() * scale)
+    return int(np.sum(np.linalg.eigvalsh(d) < 0))
+
+
+def _negative_eigenvalues_of_sparse(matrix: Any, order: Ints | None) -> int | None:
+    """The same by sparse factors; None where they are not accurate enough.
 
     The sparse factorisation uses diagonal pivots. Their signs are reliable if its error, in the Frobenius norm, is far
     below the smallest eigenvalue. The error is estimated from 8 products with random signs, whose mean square equals
-    the squared norm, since multiplying the factors takes far longer than computing them. A small matrix that fails this
-    test is factorised densely with pivoting (Bunch and Kaufman).
+    the squared norm, since multiplying the factors takes far longer than computing them.
     """
     size = matrix.shape[0]
     try:
         factors = symmetric_lu(matrix, order)
     except RuntimeError:  # exactly singular
-        factors = None
-    if factors is not None and np.array_equal(factors.lu.perm_r, factors.lu.perm_c):  # all pivots on the diagonal
-        lu, entries = factors.lu, factors.matrix.tocoo()
-        permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=(size, size))
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
-        error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
-        inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
-        if error * onenormest(inverse) <= LARGEST_FACTOR_ERROR:
-            return int(np.sum(lu.U.diagonal() < 0))
-    return None if size > DENSE_COUNT else _negative_eigenvalues_of_dense(matrix)
-
-
-def _negative_eigenvalues_of_dense(matrix: Any) -> int:
-    """Number of negative eigenvalues of a small matrix, by factors with pivoting."""
-    diagonal = np.abs(matrix.diagonal())
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    _, d, _ = ldl(scale[:, None] * matrix.toarray() * scale)
-    return int(np.sum(np.linalg.eigvalsh(d) < 0))
+        return None
+    lu, entries = factors.lu, factors.matrix.tocoo()
+    if not np.array_equal(lu.perm_r, lu.perm_c):  # not all pivots on the diagonal
+        return None
+    permuted = csc_array((entries.data, (lu.perm_r[entries.row], lu.perm_c[entries.col])), shape=(size, size))
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, 8))
+    error = float(np.linalg.norm(lu.L @ (lu.U @ signs) - permuted @ signs) / np.sqrt(signs.shape[1]))
+    inverse = LinearOperator((size, size), matvec=lu.solve, rmatvec=lu.solve, matmat=lu.solve, dtype=float)
+    return int(np.sum(lu.U.diagonal() < 0)) if error * onenormest(inverse) <= LARGEST_FACTOR_ERROR else None
