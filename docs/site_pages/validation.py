@@ -93,8 +93,8 @@ def summary(sections: Sequence[Section]) -> str:
     reasons: dict[tuple[str, str], list[Row]] = {}
     for section, row in apart:
         reasons.setdefault((section.title, row.why), []).append(row)
-    table_rows = [
-        (f"[{title}](#{_anchor(title)})", len(found), _names(found), _range(found), why)
+    lines = [
+        f"- [{title}](#{_anchor(title)}), {_range(found)} ({_names(found)}). {why}"
         for (title, why), found in reasons.items()
     ]
     recorded = yaml.safe_load(RECORDED.read_text(encoding="utf-8"))
@@ -111,7 +111,8 @@ computations were recorded by `python -m benchmarks.published_cases` on {recorde
 {len(right)} of the numbers are closed forms or independent computations; {close} of these agree within 0.1 %. Values
 agree on this page if they differ by at most {100 * AGREES:g} %. These {len(apart)} do not:
 
-{table(["where", "values", "quantity", "difference", "why"], table_rows)}
+{chr(10).join(lines)}
+
 Not computed, and counted nowhere above:
 
 {chr(10).join(missing)}
@@ -120,7 +121,7 @@ Not computed, and counted nowhere above:
 
 def _names(rows: Sequence[Row]) -> str:
     names = list(dict.fromkeys(row.quantity for row in rows))
-    return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
+    return names[0] if len(names) == 1 else f"{len(names)} values: {names[0]} … {names[-1]}"
 
 
 def _range(rows: Sequence[Row]) -> str:
@@ -419,7 +420,11 @@ def attack() -> str:
         ))  # fmt: skip
     heads = ["date", "commit", "seeds", "systems", "contact events", "agree", "differ", "not comparable by contacts",
              "median deviation", "largest deviation", "largest share of what is allowed"]  # fmt: skip
-    differing = [f"- {seed}: {what}" for one in kept for seed, what in one["differing"].items()]
+    differing = [
+        f"- {seed}: {what}. {one.get('comments', {}).get(seed, 'Not explained.')}"
+        for one in kept
+        for seed, what in one["differing"].items()
+    ]
     total = [sum(one[name] for one in kept) for name in ("systems", "contact_events")]
     return (
         f"## Random systems\n\n{total[0]:,} random systems with {total[1]:,} contact events, each computed by "
