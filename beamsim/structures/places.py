@@ -205,9 +205,12 @@ def signed_ends(site: Site) -> list[tuple[float, Place]]:
     return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
 
 
-def _at_node(body: str, node: int, direction: str) -> Place:
-    """A direction at a node of an imported body."""
-    return Place(body, float(node), direction, label=f"{body} node {node} {direction}")
+def _of_matrices(name: str, body: Body, place: Any) -> Place:
+    """A place of an imported body: a direction of a node, or a named row."""
+    direction, text = place.direction or DEFLECTION, f"node {place.node} {place.direction or DEFLECTION}"
+    if place.row is not None:
+        direction, text = NAMED_ROW, f"row {place.row}"
+    return Place(name, body.point_of(place), direction, label=f"{name} {text}")
 
 
 def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
@@ -227,11 +230,8 @@ def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
     sites = []
     for place in item.places:
         name = place.body or body
-        if place.node is not None:
-            sites.append(_at_node(name, place.node, place.direction or DEFLECTION))
-            continue
-        if place.row is not None:
-            sites.append(Place(name, sections[name].point_of(place), NAMED_ROW, label=f"{name} row {place.row}"))
+        if place.node is not None or place.row is not None:
+            sites.append(_of_matrices(name, sections[name], place))
             continue
         point: Any = sections[name].point_of(place)
         if isinstance(point, tuple):
