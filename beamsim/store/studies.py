@@ -85,9 +85,8 @@ def stored_study(
 
     try:
         result = design_study(
-            plan, workers=workers, scheduler=scheduler, solved_before=journal.solved, on_outcome=add_to_journal,
-            progress=progress,
-        )  # fmt: skip
+            plan, workers=workers, scheduler=scheduler, progress=progress, solved_before=journal.solved,
+            on_outcome=add_to_journal)  # fmt: skip
     except BaseException:
         if journal.added:
             save()

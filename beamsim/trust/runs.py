@@ -221,8 +221,7 @@ def run(
         result = result.interrupted(COMPARISON)
     else:
         limited = [value.entry for value in LIMITED.values() if value.entry in result.summary]
-        values = comparable_values({entry: result.summary[entry] for entry in limited})
-        result = with_convergence(result, checked, values)
+        result = with_convergence(result, checked, comparable_values({of: result.summary[of] for of in limited}))
         if checked.lines is not None:
             spectra = result["spectra"].assign(line_error=checked.lines)
             summary = {**result.summary, "spectral_lines": spectral_lines(spectra)}

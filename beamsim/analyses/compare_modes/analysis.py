@@ -154,25 +154,14 @@ def compare_modes(
     [[1.0, 0.19], [0.16, 0.98]]
     >>> folder.cleanup()
     """
-    scenario = scenario_of(scenario)
-    begin = perf_counter()
+    scenario, begin = scenario_of(scenario), perf_counter()
     if not isinstance(measured, ShapesAtPlaces):
         measured = read_shapes(measured, scenario)
     _check(measured)
     frequencies, shapes = _computed_modes(scenario, measured, closed=contacts == "closed")
     mac, auto = (np.nan_to_num(modal_assurance(shape, shapes)) for shape in (measured.shapes, shapes))
     paired = _pair(mac, measured.frequency_hz, frequencies)
-    pairs = [
-        {
-            "number": k + 1,
-            "measured_hz": float(f),
-            "predicted": int(number),
-            "predicted_hz": float(frequencies[number - 1]) if number else None,
-            "difference": float(frequencies[number - 1] / f - 1.0) if number else None,
-            "mac": float(mac[k, number - 1] if number else mac[k].max(initial=0.0)),
-        }
-        for k, (f, number) in enumerate(zip(measured.frequency_hz, paired, strict=True))
-    ]
+    pairs = _pairs_of_frequencies(measured.frequency_hz, frequencies, mac, paired)
     number = 1 + np.arange(frequencies.size)
     modes = COMPARED_MODES.dataset({
         "contacts": contacts, "source": measured.source, "measured": 1 + np.arange(paired.size), "predicted": number,
@@ -192,6 +181,28 @@ def compare_modes(
         lowest_mac=min(pair["mac"] for pair in fitting) if len(fitting) == len(pairs) else 0.0,
         largest_difference=max((abs(pair["difference"]) for pair in fitting), default=float("nan")),
     )
+
+
+def _pairs_of_frequencies(measured: Floats, computed: Floats, mac: Floats, paired: Ints) -> list[dict[str, Any]]:
+    """For each measured mode its entries of the summary.
+
+    Parameters
+    ----------
+    measured, computed : (a,) and (b,) frequencies, Hz.
+    mac : (a, b) modal assurance criterion.
+    paired : (a,) number of the computed mode, from 1; 0 without one.
+    """
+    return [
+        {
+            "number": k + 1,
+            "measured_hz": float(f),
+            "predicted": int(number),
+            "predicted_hz": float(computed[number - 1]) if number else None,
+            "difference": float(computed[number - 1] / f - 1.0) if number else None,
+            "mac": float(mac[k, number - 1] if number else mac[k].max(initial=0.0)),
+        }
+        for k, (f, number) in enumerate(zip(measured, paired, strict=True))
+    ]
 
 
 def _check(measured: ShapesAtPlaces) -> None:
