@@ -145,5 +145,5 @@ def test_steps_do_not_land_on_another_branch(orbits, found, monkeypatch):
         return sum(after_one_period(orbits, p) < 1e-6 for p in points)
 
     assert on_another_branch() == 0
-    monkeypatch.setattr(continuation, "MOST_ASTRAY", np.inf)
+    monkeypatch.setattr(continuation, "MOST_OFF_PLANE", np.inf)
     assert on_another_branch() > 10
