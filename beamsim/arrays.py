@@ -61,13 +61,10 @@ class Contact:
 
     def snubber(self, name: str) -> dict[str, Any]:
         """The snubber of a scenario at the row of this name."""
-        keys = self.law if isinstance(self.law, Mapping) else {_kind_of_law(self.law): self.law}
+        kind = "force_deflection" if np.ndim(self.law) else "stiffness"
+        keys = self.law if isinstance(self.law, Mapping) else {kind: self.law}
         gap = {} if self.gap is None else {"gap": self.gap}
         return {"name": name, "at": {"row": name}, "side": "above", **gap, **keys}
-
-
-def _kind_of_law(law: Any) -> str:
-    return "force_deflection" if np.ndim(law) else "stiffness"
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +123,8 @@ class System:
         ScenarioError
             If a section or an array is not valid.
         """
-        contacts = dict(zip(self.names_of_contacts, self.contacts, strict=True))
-        rows = {name: contact.row for name, contact in contacts.items()}
+        contacts = list(zip(self.names_of_contacts, self.contacts, strict=True))
+        rows = {name: contact.row for name, contact in contacts}
         rows |= {f"load_{name}": vector for name, vector in self.loads.items()}
         rows |= {f"output_{name}": row for name, row in self.outputs.items()}
         body = {
@@ -139,7 +136,7 @@ class System:
             probes = {f"q{node}": {"node": node} for node in range(1, len(body["mass"]) + 1)}
         case = {
             "bodies": {NAME: body},
-            "snubbers": [contact.snubber(name) for name, contact in contacts.items()],
+            "snubbers": [contact.snubber(name) for name, contact in contacts],
             "probes": [{"name": name, "at": place} for name, place in probes.items()],
             "excitation": _excitation(signals or {}),
             **sections,
@@ -151,11 +148,9 @@ class System:
             return {}
         if isinstance(self.damping, Mapping):
             return {"damping": self.damping}
-        return {"viscous": _rows(self.damping)} if np.ndim(self.damping) else _modal(self.damping)
-
-
-def _modal(ratio: float) -> dict[str, Any]:
-    return {"damping": {"kind": "modal", "ratio": ratio}}
+        if np.ndim(self.damping):
+            return {"viscous": _rows(self.damping)}
+        return {"damping": {"kind": "modal", "ratio": self.damping}}
 
 
 def _rows(matrix: Any) -> Any:
@@ -169,6 +164,11 @@ def _excitation(signals: Signals) -> dict[str, Any]:
     if not forces:
         return {"kind": "none"}
     return forces[0] if len(forces) == 1 else {"kind": "forces", "forces": forces}
+
+
+def _sines(signals: Signals, frequency: float) -> Signals:
+    """Harmonic signals, of this frequency, Hz, if they state none."""
+    return {name: {"kind": "harmonic", "frequency": frequency, **signal} for name, signal in signals.items()}
 
 
 def simulate(
@@ -274,9 +274,8 @@ def continue_motion(
     True
     """
     lowest, highest = frequencies
-    sines = {name: {"kind": "harmonic", "frequency": lowest, **signal} for name, signal in signals.items()}
     sweep = {"kind": "continuation", "from": lowest, "to": highest, **settings}
-    return continuation(system.scenario(sines, sweep=sweep))
+    return continuation(system.scenario(_sines(signals, lowest), sweep=sweep))
 
 
 def periodic_motion(system: System, frequency: float, signals: Signals, **settings: Any) -> Dataset:
@@ -309,7 +308,7 @@ def periodic_motion(system: System, frequency: float, signals: Signals, **settin
     """
     band = (frequency * (1.0 - NARROW), frequency * (1.0 + NARROW))
     points = continue_motion(system, band, signals, points_at=[frequency], **settings)["points"]
-    return points.where("point", np.isclose(points["frequency_hz"].values, frequency, rtol=SAME, atol=0.0))
+    return points.isel(point=np.isclose(points["frequency_hz"].values, frequency, rtol=SAME, atol=0.0))
 
 
 def backbone(system: System, mode: int, energies: tuple[float, float], **settings: Any) -> NormalModeResult:
@@ -381,8 +380,9 @@ def basins(
     >>> [motion["share"] for motion in shares.summary["motions"] if motion["stable"]]
     [1.0]
     """
-    sines = {name: {"kind": "harmonic", "frequency": frequency, **signal} for name, signal in signals.items()}
     starts = {"kind": "states", "number": number, "box": box}
     return coexisting(
-        system.scenario(sines, sweep={"kind": "coexisting", "at": [frequency], "starts": starts, **settings})
+        system.scenario(
+            _sines(signals, frequency), sweep={"kind": "coexisting", "at": [frequency], "starts": starts, **settings}
+        )
     )

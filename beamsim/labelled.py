@@ -303,13 +303,22 @@ class Dataset(Mapping[str, LabelledArray]):
             items[f"/{self.name}/{name}"] = Item(dict(part.attributes), part.array, axes, scale)
         return Dataset(self.name, items)
 
-    def isel(self, **rows: slice) -> Dataset:
-        """The dataset at some places along dimensions, numbered from 0; what is not along them stays as it is."""
+    def isel(self, **rows: slice | NDArray[np.bool_]) -> Dataset:
+        """The dataset at some numbers along dimensions, by slices, or flags of one; what is not along them stays."""
         items = dict(self.items_by_path)
-        for name, array in self.items():
-            if rows.keys() & set(array.dims):
-                path, index = f"/{self.name}/{name}", tuple(rows.get(dim, slice(None)) for dim in array.dims)
-                items[path] = replace(items[path], array=part_of(array.array, index))
+        for path, item in self.items_by_path.items():
+            dims = (last(path),) if item.scale else tuple(map(last, item.axes))
+            if not rows.keys() & set(dims):
+                continue
+            attributes, index = dict(item.attributes), tuple(rows.get(dim, slice(None)) for dim in dims)
+            if ABSENT in attributes:
+                attributes[ABSENT] = json.dumps(np.flatnonzero(absent_in(item)[index]).tolist())
+            if OF_EACH in attributes:
+                units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[index[0]].tolist()
+                attributes[OF_EACH] = json.dumps(units, ensure_ascii=False)
+            by_slices = all(isinstance(part, slice) for part in index)
+            array = part_of(item.array, index) if by_slices else item.values[index]
+            items[path] = replace(item, attributes=attributes, array=array)
         return Dataset(self.name, items)
 
     def by_label(self, name: str) -> dict[Any, LabelledArray]:
@@ -333,24 +342,8 @@ class Dataset(Mapping[str, LabelledArray]):
         if names is None:
             names = self.items_by_path[f"/{rows.attributes[NAMES]}"].values.tolist()
         for number, name in enumerate(names):
-            found[name] = self.where(rows.dims[0], rows.values == number)
+            found[name] = self.isel(**{rows.dims[0]: rows.values == number})
         return found
-
-    def where(self, dim: str, selected: NDArray[np.bool_]) -> Dataset:
-        """The dataset at the ``selected`` numbers (n,) along a dimension; what is not along it stays as it is."""
-        items = dict(self.items_by_path)
-        for path, item in items.items():
-            dims = (last(path),) if item.scale else tuple(map(last, item.axes))
-            if dim not in dims:
-                continue
-            axis, attributes = dims.index(dim), dict(item.attributes)
-            if ABSENT in attributes:
-                attributes[ABSENT] = json.dumps(np.flatnonzero(np.compress(selected, absent_in(item), axis)).tolist())
-            if OF_EACH in attributes and axis == 0:
-                units = np.array(json.loads(attributes[OF_EACH]), dtype=object)[selected].tolist()
-                attributes[OF_EACH] = json.dumps(units, ensure_ascii=False)
-            items[path] = replace(item, attributes=attributes, array=np.compress(selected, item.values, axis))
-        return Dataset(self.name, items)
 
     def rows(self, dim: str, *names: str) -> list[dict[str, Any]]:
         """The rows of a table: by column their values, None for integers, flags and texts that are not known.

@@ -197,3 +197,14 @@ def test_a_periodic_motion_below_the_gap_is_the_linear_one():
     omega = 2 * np.pi * 0.55
     linear = np.linalg.solve(STIFFNESS + 1j * omega * DAMPING - omega**2 * MASS, 3.0 * LOAD)
     np.testing.assert_allclose(points["peak_displacement"].values[:, 0], abs(linear), rtol=1e-8)
+
+
+def test_no_contact_is_lost_where_two_have_one_name():
+    with pytest.raises(ScenarioError, match=r"snubbers\[1\]\.name = stop"):
+        motion(system(contacts=[beamsim.Contact(ROW, 90.0, 0.06, "stop"), beamsim.Contact(LOAD, 50.0, 0.02, "stop")]))
+
+
+def test_sparse_damping_is_that_of_its_array():
+    np.testing.assert_array_equal(
+        displacements(motion(system(damping=csr_array(DAMPING)))), displacements(motion(system()))
+    )

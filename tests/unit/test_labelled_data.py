@@ -208,6 +208,15 @@ COUNTS = Layout(
 )
 
 
+@pytest.mark.parametrize("selected", [slice(1, 3), np.array([False, True, True])])
+def test_selected_rows_keep_their_units_and_what_is_not_known(selected):
+    rows = [SimpleNamespace(length=float(k), hits=hits, word="a") for k, hits in enumerate((1, None, 3))]
+    part = COUNTS.table(rows, [{"unit": "m"}, {"unit": "rad"}, {"unit": "s"}]).isel(number=selected)
+    assert (part["number"].values.tolist(), part["length"].values.tolist()) == ([2, 3], [1.0, 2.0])
+    assert (part["hits"].absent, part["hits"].values[1]) == ({0}, 3)
+    assert [part["length"].sel(number=number).unit for number in (2, 3)] == ["rad", "s"]
+
+
 def test_a_table_takes_its_columns_from_the_attributes_of_its_rows():
     rows = [SimpleNamespace(length=1.5, hits=None, word="a"), SimpleNamespace(length=None, hits=7, word="b")]
     made = COUNTS.table(rows, [{"unit": "m"}, {"unit": "rad"}])
