@@ -155,7 +155,7 @@ LONGEST_EXAMINATION_S = 15.0
 WAITING = 4.0
 """Times that long is waited for it, on a busy machine."""
 
-_EXAMINE = "import sys; from beamsim.hdf5 import examine; examine(sys.argv[1], float(sys.argv[2]))"
+_EXAMINE = "import sys; from beamsim.hdf5 import examine; examine(*sys.argv[1:])"
 
 
 @lru_cache(maxsize=256)
@@ -167,29 +167,52 @@ def _demand_survived(path: str, modified: int, size: int) -> None:
     Raises
     ------
     InputFileError
-        If that process cannot start, ends unexpectedly, or does not end.
+        As `run_apart`.
     """
     del modified
-    limit_s = LONGEST_EXAMINATION_S + size / 1e7  # of 10 MB/s
-    command = [sys.executable, "-P", "-c", _EXAMINE, path, str(limit_s)]  # -P: without modules of the current folder
+    run_apart(_EXAMINE, path, str(_longest_s(size)), library="the HDF5 library")
+
+
+def _longest_s(size: int) -> float:
+    """Processor time in s that another process may take for a file of a size in bytes."""
+    return LONGEST_EXAMINATION_S + size / 1e7  # of 10 MB/s
+
+
+def run_apart(code: str, path: Path | str, *arguments: str, library: str) -> None:
+    """Run code about a file in another Python process, which a damaged file may end or hold.
+
+    Parameters
+    ----------
+    code : gets the path and the arguments as ``sys.argv[1:]``.
+    path : of the file.
+    arguments : further ones.
+    library : what reads the file there, for messages.
+
+    Raises
+    ------
+    InputFileError
+        If that process cannot start, ends unexpectedly, or does not end.
+    """
+    # -P: without modules of the current folder
+    command = [sys.executable, "-P", "-c", code, str(path), *arguments]
     surroundings = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    wait_s = WAITING * limit_s
+    wait_s = WAITING * _longest_s(os.stat(path).st_size)
     try:
         done = subprocess.run(command, capture_output=True, timeout=wait_s, check=False, env=surroundings)
     except subprocess.TimeoutExpired:
-        message = f"was not read to its end by the HDF5 library within {wait_s:.3g} s"
+        message = f"was not read to its end by {library} within {wait_s:.3g} s"
         raise InputFileError(message, "export it again, or try once more on a less busy machine", path) from None
     except OSError as error:
-        code, reason = 1, f"no other process can be started ({error.strerror or error})"
+        code_of_end, reason = 1, f"no other process can be started ({error.strerror or error})"
     else:
-        code, reason = done.returncode, done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
-    if code == 1:  # of an exception before the file was opened
+        code_of_end, reason = done.returncode, done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
+    if code_of_end == 1:  # of an exception before the file was opened
         raise InputFileError(f"cannot be examined: {reason}", "free memory, or end other processes", path)
-    if code != 0:
-        raise InputFileError("is damaged: the HDF5 library cannot read it to its end", "export it again", path)
+    if code_of_end != 0:
+        raise InputFileError(f"is damaged: {library} cannot read it to its end", "export it again", path)
 
 
-def examine(path: str, longest_s: float) -> None:
+def examine(path: str, longest_s: str) -> None:
     """Read all that readers read of a file that may be damaged; for a process of its own.
 
     Parameters
@@ -200,7 +223,7 @@ def examine(path: str, longest_s: float) -> None:
     if sys.platform != "win32":
         import resource
 
-        seconds = math.ceil(time.process_time() + longest_s)
+        seconds = math.ceil(time.process_time() + float(longest_s))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     with suppress(Exception), _open(path) as file:
         places = ["/"]

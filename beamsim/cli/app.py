@@ -273,7 +273,8 @@ def identify_stiffness(options: CommandOptions) -> None:
 def compare(
     options: CommandOptions,
     measured: Annotated[
-        Path, typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv, .h5, .nc or .mat.")
+        Path,
+        typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv, .h5, .nc, .mat, .tdms, .mf4 or .lvm."),
     ],
     channel: Annotated[str | None, typer.Option("--channel", help="Channel of the measurement.")] = None,
     probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,

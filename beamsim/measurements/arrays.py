@@ -33,7 +33,16 @@ _SINCE = re.compile(r"(\w+) since .+", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class _Array:
+class Axis:
+    """An axis that belongs to one array."""
+
+    name: str
+    unit: str  # empty where the file states none
+    values: Any  # (n,)
+
+
+@dataclass(frozen=True)
+class Array:
     """One array of a file, unpacked."""
 
     values: Any  # (n,) float or complex
@@ -42,6 +51,7 @@ class _Array:
     scale: str = ""  # path of its dimension scale
     scaling: tuple[str, ...] = ()
     fault: tuple[str, str] | None = None
+    axis: Axis | None = None  # where it has one of its own
 
 
 def read_hdf5(path: Path) -> list[MeasuredSignal]:
@@ -90,7 +100,7 @@ def read_hdf5(path: Path) -> list[MeasuredSignal]:
                         replace(whole, values=values, unit=label_unit(unit)),
                         f"{label} {quantity}",
                     )
-    return [_signal(name, called[name], arrays, path) for name in arrays]
+    return [signal_of(name, called[name], arrays, path) for name in arrays]
 
 
 def _list_attribute(item: h5py.Dataset, name: str, item_type: type) -> list[Any]:
@@ -154,10 +164,10 @@ def read_matlab(path: Path) -> list[MeasuredSignal]:
         if isinstance(value, np.ndarray) and value.dtype.kind in "iufc" and 2 <= value.size == max(value.shape)
     }
     found = {
-        name: _Array(values.astype(complex if values.dtype.kind == "c" else float), _matlab_unit(name, arrays, texts))
+        name: Array(values.astype(complex if values.dtype.kind == "c" else float), _matlab_unit(name, arrays, texts))
         for name, values in arrays.items()
     }
-    signals = (_signal(name, name.replace("/", "."), found, path) for name in found)
+    signals = (signal_of(name, name.replace("/", "."), found, path) for name in found)
     return [replace(each, axis=each.axis.replace("/", ".")) for each in signals]
 
 
@@ -201,15 +211,30 @@ def text_of_attribute(value: object) -> str:
     return ""
 
 
-def _unpack(name: str, item: h5py.Dataset) -> _Array:
+def _unpack(name: str, item: h5py.Dataset) -> Array:
     """The array of a data set by its attributes."""
     given = {key: item.attrs[key] for key in item.attrs if key != LIST}
-    given = {key: value for key, value in given.items() if not isinstance(value, h5py.Empty)}
+    scale = scales_of(item)[_channel_axis(item)]
+    of_scale = "" if scale is None or not _is_channel("", scale) else str(scale.name).lstrip("/")
+    attributes = {key: value for key, value in given.items() if not isinstance(value, h5py.Empty)}
+    return unpack(name, read_array(item), attributes, of_scale)
+
+
+def unpack(name: str, stored: Any, given: Mapping[str, Any], scale: str) -> Array:
+    """The array that stored numbers stand for by the conventions of netCDF.
+
+    Parameters
+    ----------
+    name : of the array.
+    stored : as in the file.
+    given : attributes of the array, by name.
+    scale : name of its dimension scale; empty without one.
+    """
     units = {text_of_attribute(value) for key, value in given.items() if key.lower() in ("unit", "units")} - {""}
     unit = label_unit(next(iter(units), "")) or _heading(name)[1]
     again = "export the values in their unit"
     fault = (f"states several units of {name}: {', '.join(sorted(units))}", again) if len(units) > 1 else None
-    raw = read_array(item).ravel()
+    raw = stored.ravel()
     if raw.dtype.names:
         raw = raw["real"] + 1j * raw["imag"]
     missing = _missing(raw, given)
@@ -235,9 +260,7 @@ def _unpack(name: str, item: h5py.Dataset) -> _Array:
         )
     values[_outside(raw, values, given)] = np.nan
     words = " ".join(text_of_attribute(given.get(key, "")) for key in ("long_name", "standard_name", "description"))
-    scale = scales_of(item)[_channel_axis(item)]
-    of_scale = "" if scale is None or not _is_channel("", scale) else str(scale.name).lstrip("/")
-    return _Array(values, unit, words, of_scale, tuple(scaling), fault)
+    return Array(values, unit, words, scale, tuple(scaling), fault)
 
 
 def _channel_axis(item: h5py.Dataset) -> int:
@@ -275,13 +298,26 @@ def _outside(raw: Any, values: Any, attributes: Mapping[str, Any]) -> Any:
     return outside
 
 
-def _signal(name: str, label: str, arrays: Mapping[str, _Array], path: Path) -> MeasuredSignal:
-    """The channel of an array on its axis."""
+def signal_of(name: str, label: str, arrays: Mapping[str, Array], path: Path) -> MeasuredSignal:
+    """The channel of an array on its axis.
+
+    Parameters
+    ----------
+    name : of the array, with the groups that it is in: ``group/subgroup/name``.
+    label : name of the channel.
+    arrays : all of the file, by name.
+    path : of the file.
+    """
     array = arrays[name]
-    axes = list(_axes_of(name, arrays))
-    axis = axes[0] if len(axes) == 1 else None
     x, axis_unit, of_frequency, fault = np.arange(array.values.size, dtype=float), "", False, array.fault
-    if axis is not None:
+    axes = list(_axes_of(name, arrays)) if array.axis is None else [array.axis.name]
+    axis = axes[0] if len(axes) == 1 else None
+    if array.axis is not None:
+        x, axis_unit = array.axis.values, array.axis.unit
+        of_frequency = axis_kind(array.axis.name) == "frequency" or is_unit_of(axis_unit, si.FREQUENCY)
+        if axis_unit and not is_unit_of(axis_unit, si.TIME, si.FREQUENCY):
+            fault = fault or (f"is over {array.axis.name} ({axis_unit}), not over time", "choose another channel")
+    elif axis is not None:
         x, axis_unit = np.real(arrays[axis].values), arrays[axis].unit
         of_frequency = _is_of_frequency(axis, arrays[axis])
         fault = fault or arrays[axis].fault
@@ -307,12 +343,12 @@ def _is_axis(name: str) -> bool:
     return bool(axis_kind(_heading(name)[0]))
 
 
-def _is_of_frequency(name: str, array: _Array) -> bool:
+def _is_of_frequency(name: str, array: Array) -> bool:
     kind = axis_kind(_heading(name)[0])
     return kind == "frequency" if kind else is_unit_of(array.unit, si.FREQUENCY)
 
 
-def _axes_of(name: str, arrays: Mapping[str, _Array]) -> Iterator[str]:
+def _axes_of(name: str, arrays: Mapping[str, Array]) -> Iterator[str]:
     """The dimension scale, else times and frequencies in the nearest enclosing group, if they are as many."""
     array = arrays[name]
     if array.scale:

@@ -1,4 +1,4 @@
-"""All channels of a file of test data: CSV, HDF5, netCDF-4, MATLAB, UFF (data set 58), by its ending."""
+"""All channels of a file of test data, by its ending: CSV, HDF5, netCDF, MATLAB, UFF (data set 58), TDMS, MDF, LVM."""
 
 from __future__ import annotations
 
@@ -17,9 +17,13 @@ from beamsim.scenario.files import DecimalMark
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
 UNIVERSAL = (".uff", ".unv", ".uf", ".58")
 _BY_ENDING = {
-    **dict.fromkeys((".h5", ".hdf5", ".hdf", ".nc", ".nc4", ".cdf"), ("HDF5", "arrays:read_hdf5")),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), ("HDF5", "arrays:read_hdf5")),
+    **dict.fromkeys((".nc", ".nc4", ".cdf"), ("netCDF", "laboratory:read_netcdf")),
     ".mat": ("MATLAB", "arrays:read_matlab"),
     **dict.fromkeys(UNIVERSAL, ("a universal file", "universal:read_uff")),
+    ".tdms": ("TDMS", "laboratory:read_tdms"),
+    **dict.fromkeys((".mf4", ".mdf"), ("MDF", "mdf:read_mdf")),
+    ".lvm": ("LVM", "laboratory:read_lvm"),
 }
 """What a file is called, and its reader, which is imported for such a file alone; others are text tables."""
 
@@ -58,7 +62,7 @@ def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSi
     """
     ending = ending_of(path)
     if ending not in (*TEXT, *_BY_ENDING):
-        raise InputFileError("has an unknown format", "use .csv, .h5, .nc, .mat or .uff")
+        raise InputFileError("has an unknown format", "use .csv, .h5, .nc, .mat, .uff, .tdms, .mf4 or .lvm")
     if decimal is not None and ending in _BY_ENDING:
         raise InputFileError("is not a text table; only these have a decimal mark", "leave decimal out")
     called, reader = _BY_ENDING.get(ending, ("a text table", ""))

@@ -686,8 +686,8 @@ class SampledInput(DrivenInput, RecordPreparation):
     kind: Literal["sampled"] = "sampled"
     """Samples read from a file."""
     file: q.FileName
-    """CSV, HDF5 (.h5, .hdf5), netCDF-4 (.nc), MATLAB (.mat) or UFF 58 (.uff, .unv) file; the path is relative to the
-    folder of the scenario."""
+    """CSV, HDF5 (.h5, .hdf5), netCDF (.nc), MATLAB (.mat), UFF 58 (.uff, .unv), TDMS, MDF (.mf4, .mdf) or LVM file; the
+    path is relative to the folder of the scenario."""
     column: q.Text | None = None
     """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the dataset.
     Required if there are several candidates."""

@@ -226,8 +226,8 @@ class _RecordedTest(_AnyTest, RecordPreparation):
     """Common part of tests with a measured signal in a file."""
 
     file: q.FileName
-    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF-4, MATLAB or UFF dataset 58; the path is
-    relative to the scenario's folder."""
+    """Measured signal or spectrum: CSV, HDF5 (also a beamsim result), netCDF, MATLAB, UFF dataset 58, TDMS, MDF or LVM;
+    the path is relative to the scenario's folder."""
     channel: q.Text | None = None
     """Column, dataset or UFF label to read; by default the one with the name of the probe, or the only one."""
     decimal: DecimalMark | None = None

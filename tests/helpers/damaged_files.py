@@ -20,6 +20,9 @@ import h5netcdf
 import h5py
 import numpy as np
 import pyuff
+import xarray
+from asammdf import MDF, Signal
+from nptdms import ChannelObject, TdmsWriter
 from scipy.io import mmwrite, savemat
 from scipy.sparse import csc_array, save_npz
 
@@ -30,6 +33,7 @@ from beamsim.hdf5 import examine
 from beamsim.inputs.measured import limit_curve, read_density, read_profile, target_curve
 from beamsim.matrix_files import read_matrices, write_matrices
 from beamsim.measurements.channels import read_signals
+from beamsim.measurements.mdf import convert
 from beamsim.measurements.read import read_file
 from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.files import CurveFile
@@ -78,6 +82,27 @@ SHAPES = "position (mm),10.5 Hz,70.2 Hz\n" + "".join(f"{x},{x**2},{x * (200 - x)
 SWEEPS = "level (g),direction,jump (Hz),frequency (Hz),absolute_acceleration (g)\n" + "".join(
     f"{level},{way},{60 + level},{61 + level},{9 * level}\n" for level in (1, 2, 4) for way in ("up", "down")
 )
+
+
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Decimal_Separator\t.
+Multi_Headings\tNo
+X_Columns\tNo
+Time_Pref\tRelative
+***End_of_Header***\t
+\t
+Channels\t2\t\t
+Samples\t20\t20\t
+Y_Unit_Label\tg\tmm\t
+X_Dimension\tTime\tTime\t
+X0\t0.0\t0.0\t
+Delta_X\t0.010000\t0.010000\t
+***End_of_Header***\t\t\t
+X_Value\ta\tway\tComment
+"""
 
 
 @cache
@@ -157,6 +182,34 @@ def _netcdf(path):
         a.attrs["units"], a.attrs["long_name"] = "m s-2", "acceleration"
 
 
+def _netcdf3(path):
+    time = xarray.Variable("time", TIME, {"units": "s"})
+    a = xarray.Variable("time", np.round(900 * np.sin(9 * TIME)).astype("i2"), {"units": "m s-2", "scale_factor": 0.01})
+    xarray.Dataset({"a": a}, {"time": time}).to_netcdf(path, engine="scipy")
+
+
+def _tdms(path):
+    waveform = {"wf_increment": 0.01, "wf_start_time": np.datetime64("2026-01-02T03:04:05"), "unit_string": "g"}
+    with TdmsWriter(path) as file:
+        for part in (TIME[:10], TIME[10:]):
+            file.write_segment([ChannelObject("bench", "a", np.sin(9 * part), waveform)])
+
+
+def _mdf(path):
+    linear = {"a": 0.01, "b": 0.0}
+    a = Signal(np.round(900 * np.sin(9 * TIME)).astype("i2"), TIME, "m/s^2", "a", conversion=linear)
+    slow = Signal(np.cos(TIME[::4]), TIME[::4], "mm", "way")
+    with MDF() as file:
+        file.append([a], acq_name="bench")
+        file.append([slow], acq_name="slow")
+        file.save(path)
+
+
+def _lvm(path):
+    rows = "".join(f"\t{np.sin(9 * t):.6f}\t{np.cos(9 * t):.6f}\n" for t in TIME)
+    path.write_text(LVM + rows)
+
+
 def _uff(path):
     path.write_text(function(np.sin(9 * TIME)))
 
@@ -234,6 +287,10 @@ FORMATS = {
     "dofs": (".csv", _text(DOFS), read_dof_table),
     "op2": (".op2", _op2, read_matrices),
     "netcdf": (".nc", _netcdf, read_signals),
+    "netcdf 3": (".nc", _netcdf3, read_signals),
+    "tdms": (".tdms", _tdms, read_signals),
+    "mdf": (".mf4", _mdf, read_signals),
+    "lvm": (".lvm", _lvm, read_signals),
     "result": (".h5", _result, load),
     "uff binary": (".uff", _uff_binary, read_file),
     "uff shapes": (".uff", _uff_shapes, lambda path: read_shapes(path, _beam())),
@@ -349,13 +406,14 @@ def outcomes(counts):
     return found, wrong
 
 
-def _examined(command, *, timeout=None, **_):
-    """As `subprocess.run` of the examination of an HDF5 file, in a process that need not load the libraries again."""
+def _forked(command, *, timeout=None, **_):
+    """As `subprocess.run` of code about a damaged file, in a process that need not load the libraries again."""
     process = os.fork()
     if not process:
         signal.alarm(int(timeout))
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-        examine(command[-2], float(command[-1]))
+        for stream in (1, 2):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+        (examine if "examine" in command[3] else convert)(*command[4:])
         os._exit(0)
     code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
     return subprocess.CompletedProcess(command, code, b"", b"")
@@ -366,7 +424,7 @@ def main(first, *plan):
     import resource  # of Unix alone
 
     resource.setrlimit(resource.RLIMIT_AS, (5 << 30, 5 << 30))
-    subprocess.run = _examined
+    subprocess.run = _forked
     number = 0
     for name, count in (each.rsplit(":", 1) for each in plan):
         skipped, number = max(int(first) - number, 0), number + int(count)

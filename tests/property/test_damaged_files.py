@@ -9,9 +9,9 @@ pytestmark = pytest.mark.portable
 IN_COMPILED_CODE = {"mat5", "mat5 packed", "mat5 records"}
 """Formats whose reader can end the process: they are read in another one, by the slow test alone."""
 
-EXAMINED = {"hdf5", "mat7.3", "netcdf", "result"}
-"""Formats that a process of their own examines before they are read: the slow test alone reads them, and fewer of
-them."""
+EXAMINED = {"hdf5", "mat7.3", "netcdf", "result", "mdf"}
+"""Formats that a process of their own reads, or examines before they are read: the slow test alone reads them, and
+fewer of them."""
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS.keys() - IN_COMPILED_CODE - EXAMINED))
