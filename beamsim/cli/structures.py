@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
+
+import numpy as np
 
 from beamsim.cli.session import CommandOptions, load_case, print_json, progress_of, show
 from beamsim.cli.tables import print_table
@@ -17,8 +20,10 @@ from beamsim.scenario.matrices import SYSTEMS, UnitSystem
 from beamsim.structures.assembly import acting_places, assemble, bodies_of
 from beamsim.structures.check import FAILS
 from beamsim.structures.check import check as check_bodies
-from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure, row_at
+from beamsim.structures.exported import boundary_rows, craig_bampton, named_structure, row_at, unit_row
 from beamsim.structures.named_matrices import NamedMatrices, in_units, write_dof_table
+from beamsim.structures.places import Place
+from beamsim.structures.structure import BodyStructure
 
 
 def check(options: CommandOptions) -> None:
@@ -129,6 +134,27 @@ def write_export(
     return [*dict.fromkeys(written.values()), table], "\n".join(lines)
 
 
+def _with_base_nodes(
+    body: BodyStructure, places: Sequence[Place], modes: int | None
+) -> tuple[NamedMatrices, dict[str, str]]:
+    """Matrices of a body whose supports are nodes with all directions, and the new references to places on it."""
+    named, rows, nodes = body.named_matrices, set[int](), {}
+    for place in places:
+        row = unit_row(body.unsupported_row(place))
+        if row is None and modes is not None:
+            raise ScenarioError(f"--modes needs nodes where something acts; {place.label} is not at a node")
+        node, direction = ("", "") if row is None else named.table.dofs[row]
+        nodes[place.label] = "between nodes" if row is None else f"{{node: {node}, direction: {direction}}}"
+        rows |= set() if row is None else {row}
+    if modes is None:
+        return named, nodes
+    boundary = np.array(sorted(rows | set(named.table.rows_of(named.base).tolist())), dtype=np.int64)
+    try:
+        return craig_bampton(named, boundary, modes), nodes
+    except MethodError as error:
+        raise ScenarioError(f"{error.about} {error.message}; {error.remedy}") from None
+
+
 def _matrices(scenario: Scenario, name: str | None, modes: int | None) -> tuple[str, NamedMatrices, dict[str, str]]:
     """Name and matrices of one body or of the structure, and the new references to places on it."""
     bodies = {body.name: body for body in bodies_of(scenario)}
@@ -138,6 +164,8 @@ def _matrices(scenario: Scenario, name: str | None, modes: int | None) -> tuple[
         name = next(iter(bodies))
     if name is not None and modes is None and scenario.all_bodies[name].is_read_from_files:
         return name, bodies[name].named_matrices, {}  # its nodes keep their numbers
+    if name is not None and bodies[name].has_base_nodes:
+        return name, *_with_base_nodes(bodies[name], [p for p in acting_places(scenario) if p.body == name], modes)
     structure = assemble(scenario) if name is None else bodies[name]
     places = [place for place in acting_places(scenario) if name is None or place.body == name]
     try:

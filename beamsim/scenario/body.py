@@ -29,11 +29,13 @@ from beamsim.scenario.base import (
 
 _REMEDY = (
     "give position: 270 mm on a beam, position: [270 mm, 100 mm] on a plate, mass: 2 on a chain, "
-    "or node: 24 or row: gap of imported matrices"
+    "node: 24 or row: gap of imported matrices, or node: knee of a frame"
 )
 
 
 _PLACES = ("position", "mass", "node", "row")  # keys, of which a place has one
+NodeOfBody = Annotated[q.Count | q.Name, BY_FORM]
+"""Number of a node of imported matrices, or name of a node of a frame."""
 
 Point = float | tuple[float, float]
 """Metres along a beam, [x, y] on a plate, or the number of a mass or node."""
@@ -59,22 +61,25 @@ class PointOfBody(Schema):
     """A point of a body, given by its position, or by the number of a mass or node."""
 
     position: PointPosition | None = None
-    """Distance from the left end of a beam, or share of its length: 60 %; [x, y] on a plate."""
+    """Distance from the left end of a beam, or from the first end of a member, or share of its length: 60 %; [x, y] on
+    a plate."""
     mass: q.Count | None = None
     """Number of the mass of the chain, from 1."""
-    node: q.Count | None = None
-    """Number of a node of imported matrices."""
+    node: NodeOfBody | None = None
+    """Number of a node of imported matrices, or name of a node of a frame."""
+    member: q.Name | None = None
+    """Name of a member of a frame, on which the position is."""
     row: q.Name | None = None
     """Name of one of the ``rows`` of imported matrices."""
     direction: NodeDirection | OwnDirection | None = None
-    """Direction at the node, z by default. x, y, z are displacements, rx, ry, rz rotations; local_x ... local_rz are
-    the directions of the node's own coordinate system."""
+    """Direction at the node or on the member, z by default. x, y, z are displacements, rx, ry, rz rotations; local_x
+    ... local_rz are the directions of the node's own coordinate system, or of the member."""
 
     def check(self) -> None:
         """Require exactly one point."""
         super().check()
         if getattr(self, "at", None) is not None:  # the long form, with the key at
-            for key in (*_PLACES, "direction"):
+            for key in (*_PLACES, "member", "direction"):
                 self.exclude(key, "at", remedy="keep at: it names the place")
             return
         if all(getattr(self, key) is None for key in _PLACES):
@@ -82,14 +87,16 @@ class PointOfBody(Schema):
         remedy = "position belongs to a beam, mass to a chain, node and row to imported matrices"
         for number in (1, 2, 3):
             self.exclude(_PLACES[number], *_PLACES[:number], remedy=remedy)
-        if self.direction is not None and self.node is None:
+        if self.member is not None and self.position is None:
+            raise InvalidValueError("needs a position", "give position: 1.2 m or position: 50 %", ("member",))
+        if self.direction is not None and self.node is None and self.member is None:
             raise InvalidValueError("belongs to a node", "leave it out, or give node: 24", ("direction",))
 
 
 class AtPlace(PointOfBody):
     """A point of a body, with the body's name."""
 
-    distinguishing_keys: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "row", "direction", "body")
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("position", "mass", "node", "member", "row", "direction", "body")
     level_quantities: ClassVar[tuple[Literal["force"]]] = ("force",)
 
     body: q.Name | None = None
@@ -124,11 +131,13 @@ class AtPlace(PointOfBody):
             return
         body, where = scenario.all_bodies[name], scenario.body_path(name)
         if self.node is not None:
-            yield from body.node_problems(where, (*path, "node"))
+            yield from body.node_problems(where, (*path, "node"), self.node)
         elif self.row is not None:
             yield from body.row_problems(where, (*path, "row"), self.row)
         elif self.mass is not None:
             yield from body.mass_problems(where, number or (*path, "mass"), self.mass)
+        elif self.member is not None:
+            yield from body.member_problems(where, path, self)
         elif self.position is not None:
             sits = "" if "outputs" in path[:2] else _MOVING_ITEMS.get(str(path[0]), "a force")
             yield from body.position_problems(where, (*path, "position"), self.position, sits)
@@ -198,7 +207,7 @@ class PlacedItem(PointOfBody):
         """A warning if the item is at a support of its body and therefore does not move."""
         place = self.place
         body = scenario.all_bodies.get(place.body or scenario.default_body)
-        if body is not None and place.position is not None and body.support_at(place.position):
+        if body is not None and place.position is not None and not place.member and body.support_at(place.position):
             yield f"{path_text(path)} is at a support, which cannot deflect"
 
 
@@ -728,7 +737,7 @@ class Body(Schema):
         if place.position is not None:
             return self.point(place.position)
         number = place.mass if place.node is None else place.node
-        assert number is not None
+        assert isinstance(number, int)
         return float(number)
 
     def support_at(self, position: WrittenPosition) -> str:
@@ -821,9 +830,35 @@ class Body(Schema):
         """
         yield self._other_kind_problem(body_path, path, "a chain")
 
-    def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
-        """A problem: the body has no nodes with numbers."""
-        yield self._other_kind_problem(body_path, path, "imported matrices")
+    def node_problems(self, body_path: Path, path: Path, node: int | str) -> Iterator[Problem]:
+        """A problem: the body has no nodes.
+
+        Parameters
+        ----------
+        body_path : path of the body.
+        path : path at which the node is written.
+        node : number or name of the node.
+
+        Yields
+        ------
+        Problem
+        """
+        yield self._other_kind_problem(body_path, path, "a frame" if isinstance(node, str) else "imported matrices")
+
+    def member_problems(self, body_path: Path, path: Path, place: AtPlace) -> Iterator[Problem]:
+        """A problem: the body has no members.
+
+        Parameters
+        ----------
+        body_path : path of the body.
+        path : path of the place.
+        place : with a member and a position.
+
+        Yields
+        ------
+        Problem
+        """
+        yield self._other_kind_problem(body_path, (*path, "member"), "a frame")
 
     def row_problems(self, body_path: Path, path: Path, name: str) -> Iterator[Problem]:
         """A problem: the body has no rows with names."""

@@ -260,6 +260,16 @@ class MatricesBody(Body):
         """A problem if no row has this name."""
         yield from unknown(path, name, "row", self.rows)
 
-    def node_problems(self, body_path: Path, path: Path) -> Iterator[Problem]:
-        """No problems: the numbers of the nodes are known only from the files."""
-        yield from ()
+    def node_problems(self, body_path: Path, path: Path, node: int | str) -> Iterator[Problem]:
+        """A problem of a name: nodes have numbers, which are known only from the files.
+
+        Parameters
+        ----------
+        body_path, path, node : see `beamsim.scenario.body.Body.node_problems`.
+
+        Yields
+        ------
+        Problem
+        """
+        if isinstance(node, str):
+            yield problem(path, f"= {node} is not a number", self.place_remedy)

@@ -642,6 +642,7 @@ Density = Annotated[float, Quantity(units.DENSITY, above=0.0)]
 SolidDensity = Annotated[
     Density, UsualRange(units.DENSITY, ("kg/m^3", "g/cm^3"), 25.0, 7e5, "is outside the range of solids")
 ]
+NonNegativeDensity = Annotated[float, Quantity(units.DENSITY, minimum=0.0)]
 Modulus = Annotated[float, Quantity(units.PRESSURE, above=0.0)]
 SolidModulus = Annotated[
     Modulus,

@@ -54,6 +54,7 @@ from beamsim.scenario.connections import (
 )
 from beamsim.scenario.distributed import AnyDeadLoad
 from beamsim.scenario.excitation import Excitation, NoExcitation, Sine, level_jumps
+from beamsim.scenario.frame import FrameBody
 from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
@@ -141,8 +142,8 @@ DIMENSIONS: dict[str, Dimension] = {
 
 
 AnyBody = Annotated[
-    AnyBeam | Chain | MatricesBody | Plate | StiffnessPlate,
-    Variants("does not show which kind of body it is", "give kind: beam, chain, plate or matrices"),
+    AnyBeam | Chain | FrameBody | MatricesBody | Plate | StiffnessPlate,
+    Variants("does not show which kind of body it is", "give kind: beam, chain, frame, plate or matrices"),
 ]
 
 
@@ -755,7 +756,7 @@ class Scenario(Schema):
                 probes[f"{name}_{called}" if several else called] = _on(name if several else None, place)
         return tuple(
             Probe(name=name, at=place)
-            if several or place.node is not None or place.row is not None
+            if several or place.node is not None or place.row is not None or place.member is not None
             else Probe(name=name, position=place.position, mass=place.mass)
             for name, place in probes.items()
         )
@@ -776,6 +777,8 @@ class Scenario(Schema):
             named = f"node_{place.node}_{place.direction or 'z'}"
         elif place.row is not None:
             named = place.row
+        elif place.member is not None:
+            named = f"{place.member}_{place.position}_{place.direction or 'z'}"
         elif place.mass is not None:
             named = f"mass_{place.mass}"
         else:

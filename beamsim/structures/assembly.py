@@ -69,7 +69,8 @@ def assemble(scenario: Scenario, names: Sequence[str] | None = None, nodes: Sequ
     placed_by_bodies = [
         (path, item)
         for path, item in walk(scenario)
-        if isinstance(item, DistributedLoad) or (isinstance(item, PointOfBody) and (item.node or item.row))
+        if isinstance(item, DistributedLoad)
+        or (isinstance(item, PointOfBody) and (item.node or item.row or item.member))
     ]
     parts: list[Structure] = []
     for group in _groups(list(sections), couplings):

@@ -148,10 +148,15 @@ def row_at(structure: Structure, named_row_map: Any, place: Place) -> int | None
     int or None
         Index of the row.
     """
-    row = np.asarray(named_row_map @ structure.row(place))
-    largest = int(np.argmax(np.abs(row)))
-    row[largest] -= 1.0
-    return largest if np.abs(row).sum() <= 1e-9 else None
+    return unit_row(np.asarray(named_row_map @ structure.row(place)))
+
+
+def unit_row(factors: Floats) -> int | None:
+    """Index of the only degree of freedom in factors (N,), if it is there with the factor 1; None otherwise."""
+    left = factors.copy()
+    largest = int(np.argmax(np.abs(left)))
+    left[largest] -= 1.0
+    return largest if np.abs(left).sum() <= 1e-9 else None
 
 
 def craig_bampton(matrices: NamedMatrices, boundary: Ints, mode_count: int) -> NamedMatrices:

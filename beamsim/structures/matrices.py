@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import coo_array, csr_array, eye_array
 
-from beamsim.dofs import MODAL
+from beamsim.dofs import MODAL, Dof
 from beamsim.errors import MethodError, ScenarioError
 from beamsim.scenario import Scenario
 from beamsim.scenario.matrices import MatricesBody
@@ -159,9 +159,13 @@ class MatricesStructure(BodyStructure):
         unit = np.zeros((held.size, len(dofs)))
         unit[np.arange(held.size), held] = 1.0
         return [
-            Restraint(f"node {dofs[row][0]}", dofs[row][1], float(moved[row]), motion)
+            Restraint(self.support_name(dofs[row][0]), dofs[row][1], float(moved[row]), motion)
             for row, motion in zip(held, unit, strict=True)
         ]
+
+    def support_name(self, node: int) -> str:
+        """Name of the support at a node of the base."""
+        return f"node {node}"
 
     def unsupported_row(self, place: Place | LoadedRegion) -> Floats:
         """(rows of the files,) row of a place."""
@@ -319,7 +323,12 @@ class MatricesStructure(BodyStructure):
 
     def largest_at(self, field: Floats) -> str:
         """Node and direction of the largest displacement of a field (N,), or of the largest rotation."""
-        return _largest_at(self.table, self.expansion @ field)
+        node, direction = self._largest_row(field)
+        return f"node {node} {direction}"
+
+    def _largest_row(self, field: Floats) -> Dof:
+        """Node and direction of the largest displacement of a field (N,), or of the largest rotation."""
+        return _largest_row(self.table, self.expansion @ field)
 
     def point_of(self, place: Place) -> Floats | None:
         """(3,) coordinates of the node, m, if the table has them."""
@@ -457,9 +466,11 @@ def structure_of(matrices: NamedMatrices, damping: Any = None, name: str = "") -
 
 def _not_held(table: DofTable, rigid: Floats) -> str:
     """A remark on rigid motions (N, r) that a base does not prevent."""
-    places = dict.fromkeys(_largest_at(table, motion) for motion in rigid.T)
+    places = dict.fromkeys(" ".join(map(str, _largest_row(table, motion))) for motion in rigid.T)
     motions = "a motion" if rigid.shape[1] == 1 else f"{rigid.shape[1]} motions"
-    return f"{NOT_HELD_REMARK}: {motions} without stiffness, largest at {', '.join(places)}"
+    return (
+        f"{NOT_HELD_REMARK}: {motions} without stiffness, largest at {', '.join(f'node {place}' for place in places)}"
+    )
 
 
 def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, Floats, list[str]]:
@@ -473,12 +484,12 @@ def _without_massless(mass: Any, stiffness: Any, table: DofTable) -> tuple[Any, 
     return condensation(stiffness, massive, massless), share, [remark]
 
 
-def _largest_at(table: DofTable, motion: Floats) -> str:
+def _largest_row(table: DofTable, motion: Floats) -> Dof:
     """Node and direction of the largest displacement of a motion (N,), or of the largest rotation."""
     motion = np.abs(motion)
     shifts = np.where([direction in TRANSLATIONS for _, direction in table.dofs], motion, 0.0)
     row = int(np.argmax(shifts if shifts.max() > _RIGID * motion.max() else motion))
-    return f"node {table.dofs[row][0]} {table.dofs[row][1]}"
+    return table.dofs[row]
 
 
 def _base_rows(matrices: NamedMatrices) -> Ints:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -148,8 +148,9 @@ class Place:
     """A point of a body, and a direction of motion there."""
 
     body: str
-    point: Point  # m along a beam; [x, y] on a plate, m; number of a mass
+    point: Point  # m along a beam; [x, y] on a plate, m; number of a mass, a node or a member
     direction: str = DEFLECTION
+    along: float | None = None  # m, distance along a member of a frame
     label: str = field(default="", compare=False)  # text for messages
 
     @property
@@ -205,9 +206,12 @@ def signed_ends(site: Site) -> list[tuple[float, Place]]:
     return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
 
 
-def _of_matrices(name: str, body: Body, place: Any) -> Place:
-    """A place of an imported body: a direction of a node, or a named row."""
+def _of_nodes(name: str, body: Body, place: Any) -> Place:
+    """A place of an imported body or a frame: a direction of a node or a point of a member, or a named row."""
     direction, text = place.direction or DEFLECTION, f"node {place.node} {place.direction or DEFLECTION}"
+    if place.member is not None:
+        number, along = cast("tuple[float, float]", body.point_of(place))
+        return Place(name, number, direction, along, f"{name} {place.member} {along:g} m {direction}")
     if place.row is not None:
         direction, text = NAMED_ROW, f"row {place.row}"
     return Place(name, body.point_of(place), direction, label=f"{name} {text}")
@@ -230,8 +234,8 @@ def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
     sites = []
     for place in item.places:
         name = place.body or body
-        if place.node is not None or place.row is not None:
-            sites.append(_of_matrices(name, sections[name], place))
+        if place.node is not None or place.row is not None or place.member is not None:
+            sites.append(_of_nodes(name, sections[name], place))
             continue
         point: Any = sections[name].point_of(place)
         if isinstance(point, tuple):

@@ -381,6 +381,9 @@ class BodyStructure(Structure, ABC):
     sides: ClassVar[tuple[str, ...]] = ()
     """Keys of the section with the size of the body along each axis."""
 
+    has_base_nodes: ClassVar[bool] = False
+    """Whether `named_matrices` have its supports as nodes with all directions in which they act."""
+
     recovers_moments: ClassVar[bool] = False
     """Whether moments are recovered, from one point force at a time."""
 

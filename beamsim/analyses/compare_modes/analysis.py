@@ -419,7 +419,7 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
             )  # fmt: skip
         body = bodies[name]
         of = {"body": name} if len(bodies) > 1 else {}
-        has_nodes = not any(body.node_problems((), ()))
+        has_nodes = not any(body.node_problems((), ("node",), node))
         for direction, row in ((direction, motion[direction][k]) for direction in _COMPONENTS):
             if not row.any() or not (has_nodes or direction == "z"):
                 continue
