@@ -72,7 +72,8 @@ def fabricate(
     share = 1.0 / np.arange(1, max(len(probes), len(snubbers)) + 1)[:, None]
     of_probes, of_stops, closed = share[: len(probes)], share[: len(snubbers)], w < 0
     values = {
-        "time": time, "base_acceleration": base, "base_displacement": -base / omega**2,
+        "time": time,
+        "base_motion": ["z"], "base_acceleration": base[None], "base_displacement": -base[None] / omega**2,
         "energy_work_in": 1e-3 * time, "energy_dissipated": 5e-4 * time, "energy_stored": 5e-4 * time,
         "probe": probes, "position": list(where.values()), "displacement": w * of_probes,
         "absolute_displacement": w * of_probes - base / omega**2, "velocity": np.tile(v, (len(probes), 1)),

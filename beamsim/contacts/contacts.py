@@ -24,7 +24,9 @@ from beamsim.typing import Bools, Complexes, Floats, Ints
 
 @dataclass(eq=False)
 class Contacts:
-    """The m contacts of a system, with penetration ``delta = -gap - sign * (shape @ q + base_influence d)``.
+    """The m contacts of a system, with penetration ``delta = -gap - sign * (shape @ q + base_influence @ d)``.
+
+    d are the displacements of the base, one for each of its K motions.
 
     The force on the structure along ``shape`` is ``sign * force``, with the force from the current phase of the law.
 
@@ -39,15 +41,15 @@ class Contacts:
     gap: Floats  # (m,) m; clearance positive, prestress negative
     on_ground: Bools  # (m,) whether it depends on the absolute deflection
     laws: tuple[ContactLaw, ...]  # (m,)
-    # (m,) displacement of its place for a unit displacement d of the base; None: 1
+    # (m, K) displacement of its place for a unit of each displacement of the base; None: 1 for the only one
     base_participation: Floats | None = None
     # (m,) normal contact of each friction contact, -1 for others; None: no such contacts
     pressed_by: Ints | None = None
 
     # derived fields
     count: int = field(init=False)  # m
-    base_participations: Floats = field(init=False)  # (m,) as ``base_participation``
-    # (m,) ``base_participations`` of contacts on the ground; 0 for those on the base
+    base_participations: Floats = field(init=False)  # (m, K) as ``base_participation``
+    # (m, K) ``base_participations`` of contacts on the ground; 0 for those on the base
     base_influence: Floats = field(init=False)
     normal_contact: Ints = field(init=False)  # (m,) as ``pressed_by``, -1 everywhere if that is None
     pressed_contacts: Ints = field(init=False)  # friction contacts with a normal contact
@@ -65,8 +67,8 @@ class Contacts:
 
     def __post_init__(self) -> None:
         self.count = m = len(self.laws)
-        self.base_participations = np.ones(m) if self.base_participation is None else self.base_participation
-        self.base_influence = self.on_ground * self.base_participations
+        self.base_participations = np.ones((m, 1)) if self.base_participation is None else self.base_participation
+        self.base_influence = np.asarray(self.on_ground)[:, None] * self.base_participations
         self.normal_contact = np.full(m, -1) if self.pressed_by is None else self.pressed_by
         self.pressed_contacts = np.flatnonzero(self.normal_contact >= 0)
         self.pressing_contacts = self.normal_contact[self.pressed_contacts]
@@ -421,7 +423,7 @@ class Contacts:
         Parameters
         ----------
         y : (nt, N) states.
-        base : (nt,) displacement, m, and velocity, m/s, of the base; None if it is at rest.
+        base : (nt, K) displacements, m, and velocities, m/s, of the base; None if it is at rest.
 
         Returns
         -------
@@ -430,8 +432,8 @@ class Contacts:
         n, shape = self.shape.shape[1], -self.sign[:, None] * self.shape
         depth, rate = y[:, :n] @ shape.T - self.gap, y[:, n : 2 * n] @ shape.T
         if base is not None:
-            sign = -self.sign * self.base_influence
-            depth, rate = depth + np.multiply.outer(base[0], sign), rate + np.multiply.outer(base[1], sign)
+            by_base = -(self.sign[:, None] * self.base_influence).T
+            depth, rate = depth + base[0] @ by_base, rate + base[1] @ by_base
         return depth, rate
 
     def resting_phases(self, penetration: Floats) -> Ints:

@@ -56,22 +56,24 @@ class Springs:
 
 @dataclass(eq=False)
 class CubicSprings:
-    """Cubic springs, force -stiffness * (shape @ q + d(t))**3 along shape; between two masses without d."""
+    """Cubic springs, force ``-stiffness * (shape @ q + base_influence @ d(t))**3`` along shape."""
 
     shape: Floats  # (nc, n)
     stiffness: Floats  # (nc,) N/m^3
-    # (nc,) extension for a unit displacement of the base, 0 between masses; None: 1
+    # (nc, K) extension for a unit of each displacement of the base, 0 between masses; None: 1 for the only one
     base_participation: Floats | None = None
     count: int = field(init=False)
-    base_influence: Floats = field(init=False)  # (nc,) as ``ground``
+    base_influence: Floats = field(init=False)  # (nc, K) as ``base_participation``
 
     def __post_init__(self) -> None:
         self.count = int(self.stiffness.size)
-        self.base_influence = np.ones(self.count) if self.base_participation is None else self.base_participation
+        given = self.base_participation
+        self.base_influence = np.ones((self.count, 1)) if given is None else given
 
-    def extension(self, q: Floats, base: Floats | float) -> Floats:
-        """(..., nc) m, with coordinates (..., n) and displacements of the base (...,), m."""
-        return np.asarray(q @ self.shape.T + np.multiply.outer(base, self.base_influence))
+    def extension(self, q: Floats, base: Floats | None) -> Floats:
+        """(..., nc) m, with coordinates (..., n) and displacements of the base (..., K), m; None if it is at rest."""
+        own = q @ self.shape.T
+        return np.asarray(own if base is None else own + base @ self.base_influence.T)
 
 
 @dataclass(frozen=True)

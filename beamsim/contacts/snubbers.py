@@ -54,7 +54,7 @@ class SpringInfo:
     masses: tuple[int, ...]  # their numbers where they are masses
     shape: Floats  # (n,) extension for a unit of each coordinate, 1/sqrt(kg)
     on_ground: bool  # whether it depends on the absolute displacement
-    base_participation: float  # displacement of its place for a unit displacement of the base
+    base_participation: Floats  # (K,) displacement of its place for a unit of each displacement of the base
     cubic: float  # N/m^3
     linear: float  # N/m, the slope about zero
     law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the extension
@@ -62,9 +62,9 @@ class SpringInfo:
     gap_unit: str = "m"  # of the extension; rad in a hinge, whose forces are moments
 
     @property
-    def base_influence(self) -> float:
-        """How much of the base's displacement adds to its extension."""
-        return self.base_participation if self.on_ground else 0.0
+    def base_influence(self) -> Floats:
+        """(K,) How much of each displacement of the base adds to its extension."""
+        return self.on_ground * self.base_participation
 
     @property
     def relaxes(self) -> bool:
@@ -86,7 +86,7 @@ def describe_springs(
     ----------
     springs : and where they are written.
     shape : (count, n) extension of each for a unit of each coordinate.
-    base_participations : (count,) displacement of its place for a unit displacement of the base.
+    base_participations : (count, K) displacement of its place for a unit of each displacement of the base.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def describe_springs(
     """
     infos: list[SpringInfo] = []
     numbers: tuple[float, float, ContactLaw | None]
-    for row, lever, located in zip(shape, base_participations, springs, strict=True):
+    for row, by_base, located in zip(shape, base_participations, springs, strict=True):
         path, spring = located.path, located.item
         places = tuple(end.label for end in ends_of(site_of(spring, located.body, located.sections)))
         masses = tuple(place.mass for place in spring.places if place.mass is not None)
@@ -128,7 +128,7 @@ def describe_springs(
         cubic, linear, own = numbers
         infos.append(
             SpringInfo(
-                spring.name, spring.kind, places, masses, row, on_ground, float(lever), cubic, linear, own,
+                spring.name, spring.kind, places, masses, row, on_ground, by_base, cubic, linear, own,
                 _normal_force(spring), gap_unit="rad" if isinstance(spring, HingeElement) else "m",
             )
         )  # fmt: skip
@@ -182,7 +182,7 @@ def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
         gap=np.zeros(count),
         on_ground=np.array([s.on_ground for s in piecewise], dtype=bool),
         laws=tuple(s.law for s in piecewise if s.law is not None),
-        base_participation=np.array([s.base_participation for s in piecewise]),
+        base_participation=np.array([s.base_participation for s in springs])[[s.law is not None for s in springs]],
     )
 
 
@@ -222,7 +222,7 @@ def build_contacts(
     snubbers : the scenario's snubbers and where they are written.
     curves : of those that have a force-deflection table.
     shape : (m, n) deflection at each for a unit of each coordinate.
-    base_participations : (m,) displacement of each place for a unit displacement of the base.
+    base_participations : (m, K) displacement of each place for a unit of each displacement of the base.
     omega : (n,) rad/s, open structure.
     rigid_count : number of rigid-body coordinates.
 

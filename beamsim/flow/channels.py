@@ -72,10 +72,6 @@ def outputs_of(flow: ExactFlow, rows: Floats) -> RowsOf:
     of = {name: rows[:, columns] for name, columns in parts.items()}
     fixed = equations.rows(rows.shape[0], coordinates=of["displacement"], velocities=of["velocity"])
     fixed += equations.constant(of["constant"][:, 0]) + of["load"] @ equations.signals(np.arange(signals))
-    if flow.observers:  # the first is the base's acceleration
-        fixed += of["base_acceleration"] * equations.signals(np.array([flow.first_observer]))
-    if flow.base_channel >= 0:
-        fixed += of["base_displacement"] * equations.signals(np.array([flow.base_channel]))
     of_phases = {name: of[name] for name in ("contact", "opening", "acceleration")}
     varying = np.flatnonzero(np.hstack([*of_phases.values()]).any(axis=1))
     contact, opening, acceleration = (part[varying] for part in of_phases.values())

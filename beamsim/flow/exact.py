@@ -19,7 +19,6 @@ from beamsim.flow.kernels import Inputs, Tables
 from beamsim.inputs.signal import (
     ORDERS,
     CubicRecord,
-    Signal,
     Sources,
     common_record,
     compile_sources,
@@ -28,7 +27,7 @@ from beamsim.inputs.signal import (
 )
 from beamsim.system.equations import Equations, Forcing, PiecewiseLinearSystem, RowsOf, StateEquations
 from beamsim.system.structural import StructuralSystem
-from beamsim.typing import Bools, Complexes, Floats, Ints, not_none
+from beamsim.typing import Bools, Complexes, Floats, Ints
 
 LONGEST_WINDOW_RADIANS = 64.0  # longest segment before re-expansion, in radians of the slowest oscillation
 ROUND_OFF = 1e-12  # of the terms of a derivative: below it the derivative counts as zero
@@ -93,7 +92,6 @@ class ExactFlow:
     ----------
     system, forcing : the structure and its loads.
     duration : s, longest motion that will be computed.
-    observers : further signals (the base's motion) that outputs may contain; they do not load the structure.
     most_states : states kept at once, 2 at least; by default all.
     pieces : first piece of a record and the one after the last, if all signals are made of one record; by default all
         pieces. `on_pieces` gives the flow on others.
@@ -102,7 +100,6 @@ class ExactFlow:
     system: PiecewiseLinearSystem
     forcing: Forcing
     duration: float
-    observers: tuple[Signal, ...] = ()
     most_states: int | None = None
     pieces: tuple[int, int] | None = None
     sources: Sources = field(init=False)
@@ -110,8 +107,7 @@ class ExactFlow:
     # the record, if all signals are made of one: it can be taken in chunks
     record: CubicRecord | None = field(init=False)
     size: int = field(init=False)  # N, of the state vector
-    base_channel: int = field(init=False)
-    influence: Floats = field(init=False)  # (channels, m) displacement of each contact's mounting by a unit
+    influence: Floats = field(init=False)  # (L, m) displacement of each contact's mounting for a unit of each signal
     equations: Equations = field(init=False)  # shared with flows under other loads
     states: list[ContactState] = field(init=False)  # those that are kept
     visited_phases: list[Ints] = field(init=False)  # phases of all states visited
@@ -126,33 +122,25 @@ class ExactFlow:
         self._clear()
 
     def _load(self) -> None:
-        """List the channels of the forcing and of the observers, and their sources."""
-        contacts, signals = self.system.contacts, len(self.forcing.signal)
-        moves = self.forcing.base_displacement is not None and bool(contacts.on_ground.any())
-        self.base_channel, self.first_observer = signals if moves else -1, signals + moves
-        self._channels = self._channels_of(self.forcing, self.observers)
-        self.influence = np.zeros((len(self._channels), contacts.count))
-        if self.forcing.influence is not None:
-            self.influence[:signals] = self.forcing.influence.T
-        if moves:
-            self.influence[self.base_channel] = contacts.base_influence
+        """List the sources of the signals, and what moves the mountings of contacts."""
+        forcing, contacts = self.forcing, self.system.contacts
+        self.influence = np.zeros((len(forcing.signal), contacts.count))
+        if forcing.influence is not None:
+            self.influence += forcing.influence.T
+        if forcing.base_displacements:
+            self.influence[list(forcing.base_displacements)] += contacts.base_influence.T
         self.stands = np.flatnonzero(self.influence.any(axis=1))  # channels that move the mounting of a contact
-        self.record = common_record(self._channels)
+        self.record = common_record(forcing.signal)
         if self.record is None:
-            sources = compile_sources(self._channels, self.duration)
+            sources = compile_sources(forcing.signal, self.duration)
         else:
-            sources = sources_of_pieces(self._channels, *(self.pieces or (0, self.record.pieces)), self.duration)
+            sources = sources_of_pieces(forcing.signal, *(self.pieces or (0, self.record.pieces)), self.duration)
         self.sources = sources
         self.inputs = Inputs(sources.start, sources.amplitude, sources.exponent, sources.power, sources.group_last)
 
-    def _channels_of(self, forcing: Forcing, observers: tuple[Signal, ...]) -> tuple[Signal, ...]:
-        """The signals of all channels: of the loads, of the base where a contact feels it, and of the observers."""
-        base = () if self.base_channel < 0 else (not_none(forcing.base_displacement),)
-        return (*forcing.signal, *base, *observers)
-
-    def sources_under(self, forcing: Forcing, observers: tuple[Signal, ...]) -> Sources:
-        """The sources of other loads and observers, which differ in their signals alone."""
-        return compile_sources(self._channels_of(forcing, observers), self.duration)
+    def sources_under(self, forcing: Forcing) -> Sources:
+        """The sources of other loads, which differ in their signals alone."""
+        return compile_sources(forcing.signal, self.duration)
 
     def _clear(self, arrays: dict[str, NDArray[np.generic]] | None = None) -> None:
         """Remove all states; ``arrays`` holds the table rows of the first states that will be added."""
@@ -171,9 +159,7 @@ class ExactFlow:
         flow._load()
         return flow
 
-    def with_loads(
-        self, forcing: Forcing, observers: tuple[Signal, ...] | None = None, duration: float | None = None
-    ) -> ExactFlow:
+    def with_loads(self, forcing: Forcing, duration: float | None = None) -> ExactFlow:
         """The same flow under other loads, with the contact states that were used, whose modes are shared.
 
         Only the forced motions in these states are new. Where only amplitudes differ, they are shared, too.
@@ -181,7 +167,6 @@ class ExactFlow:
         Parameters
         ----------
         forcing : differs in its signals alone; what each load acts on stays as it is.
-        observers : signals in place of those of this flow; the same by default.
         duration : s, in place of that of this flow.
 
         Returns
@@ -191,7 +176,6 @@ class ExactFlow:
         """
         flow = copy(self)
         flow.forcing = forcing
-        flow.observers = self.observers if observers is None else observers
         flow.duration = self.duration if duration is None else duration
         flow._load()
         if flow.sources.has_responses_of(self.sources):
@@ -395,7 +379,7 @@ class ExactFlow:
 
     def mounting_displacements(self, times: Floats) -> Floats:
         """(nt, m) displacement of each contact point relative to its mounting due to the base's motion alone, m."""
-        moved = [np.multiply.outer(self._channels[c](times), self.influence[c]) for c in self.stands]
+        moved = [np.multiply.outer(self.forcing.signal[c](times), self.influence[c]) for c in self.stands]
         return np.asarray(sum(moved, np.zeros((times.size, self.system.contacts.count))))
 
     def begin(self, state: Floats, time: float = 0.0) -> StartOfMotion:
@@ -563,7 +547,7 @@ def exact_flow(
     system: StructuralSystem, duration: float, most_states: int | None = None, memory: float = 2e9,
     pieces: tuple[int, int] | None = None,
 ) -> ExactFlow:  # fmt: skip
-    """The exact flow of a built system; its first observer is the base's acceleration.
+    """The exact flow of a built system.
 
     Parameters
     ----------
@@ -582,11 +566,10 @@ def exact_flow(
     ScenarioError
         If a record has too many pieces for the memory.
     """
-    observers = () if system.base_acceleration is None else (system.base_acceleration,)
     # each contact state's tables: matrices of the state vector, and the functions that end it
     dynamics, functions = system.dynamics, 2 * system.dynamics.contacts.count
     states = 2 * dynamics.size + dynamics.contacts.internal_states
     most = most_states or max(8, int(TABLES_SHARE * memory / (56.0 * states**2 + 40.0 * states * functions)))
     if pieces is None:
-        refuse_many_pieces((*system.forcing.signal, *observers))
-    return ExactFlow(system.dynamics, system.forcing, duration, observers, most, pieces)
+        refuse_many_pieces(system.forcing.signal)
+    return ExactFlow(system.dynamics, system.forcing, duration, most, pieces)

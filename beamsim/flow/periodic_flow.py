@@ -53,7 +53,7 @@ class PeriodicForcing:
     multiple: Ints  # (H,) of the fundamental frequency, from 1
     force: Complexes  # (H, n) generalised force for level 1 at the reference frequency
     force_power: Floats  # (H,) r_h
-    base: Complexes  # (H,) base displacement, m, for level 1 at the reference frequency
+    base: Complexes  # (H, K) displacements of the base, m, for level 1 at the reference frequency; K is 0 if it rests
     base_power: Floats  # (H,)
     reference: float  # omega_0, rad/s
 
@@ -62,7 +62,7 @@ class PeriodicForcing:
         """No excitation."""
         empty = np.zeros(0)
         return cls(
-            np.zeros(0, dtype=np.int64), np.zeros((0, size), dtype=complex), empty, empty.astype(complex),
+            np.zeros(0, dtype=np.int64), np.zeros((0, size), dtype=complex), empty, np.zeros((0, 0), dtype=complex),
             empty, 1.0
         )  # fmt: skip
 
@@ -71,7 +71,7 @@ class PeriodicForcing:
         """One load vector times ``sin(omega t)``."""
         return cls(
             np.ones(1, dtype=np.int64), -1j * np.asarray(force, dtype=complex)[None, :], np.zeros(1),
-            np.zeros(1, dtype=complex), np.zeros(1), reference,
+            np.zeros((1, 0), dtype=complex), np.zeros(1), reference,
         )  # fmt: skip
 
     @property
@@ -83,8 +83,9 @@ class PeriodicForcing:
         """Loads and base displacements at a frequency and level, and their derivatives by the frequency."""
         ratio = omega / self.reference
         force = self.force * (level * ratio**self.force_power)[:, None]
-        base = self.base * (level * ratio**self.base_power)
-        return force, base, force * (self.force_power / omega)[:, None], base * (self.base_power / omega)
+        base = self.base * (level * ratio**self.base_power)[:, None]
+        by_omega = (self.force_power / omega)[:, None], (self.base_power / omega)[:, None]
+        return force, base, force * by_omega[0], base * by_omega[1]
 
     def base_motion(self, omega: float, level: float, times: Floats) -> tuple[Floats, Floats]:
         """The motion of the base.
@@ -96,11 +97,11 @@ class PeriodicForcing:
 
         Returns
         -------
-        displacement, velocity : (nt,) m, m/s.
+        displacement, velocity : (nt, K) m, m/s.
         """
-        iw = 1j * self.multiple * omega
-        moving = self.at(omega, level)[1] * np.exp(np.multiply.outer(times, iw))
-        return moving.sum(axis=1).real, (moving * iw).sum(axis=1).real
+        iw, base = 1j * self.multiple * omega, self.at(omega, level)[1]
+        turning = np.exp(np.multiply.outer(times, iw))
+        return (turning @ base).real, ((turning * iw) @ base).real
 
     @cached_property
     def _rows(self) -> tuple[Ints, Complexes, Floats]:
@@ -118,7 +119,7 @@ class PeriodicForcing:
     @cached_property
     def _moves(self) -> Ints:
         """Numbers of the harmonics in which the base moves."""
-        return np.flatnonzero(self.base)
+        return np.flatnonzero(self.base.any(axis=1))
 
     def signals(self, omega: float, level: float) -> Forcing:
         """The loads as the forcing of an :class:`beamsim.flow.exact.ExactFlow`.
@@ -132,17 +133,27 @@ class PeriodicForcing:
         check_finite(exponent)
         start, count = np.zeros(1), self._rows[0].size
         signals = [Signal(start, exponent[k : k + 1], amplitude[None, k : k + 1, None]) for k in range(count)]
-        base = Signal(start, exponent[count:], amplitude[None, count:, None]) if self._moves.size else None
-        return Forcing(self._rows[2], tuple(signals), base)
+        if not self._moves.size:
+            return Forcing(self._rows[2], tuple(signals))
+        motions = self.base.shape[1]
+        pairs = zip(np.split(exponent[count:], motions), np.split(amplitude[count:], motions), strict=True)
+        signals += [Signal(start, turning, size[None, :, None]) for turning, size in pairs]
+        load = np.pad(self._rows[2], ((0, motions), (0, 0)))
+        return Forcing(load, tuple(signals), tuple(range(count, count + motions)))
 
     def _amplitudes(self, omega: float, level: float) -> tuple[Complexes, Complexes]:
-        """Amplitudes and exponents of the signals of the loads and then of the base."""
+        """Amplitudes and exponents of the signals of the loads, and then of each motion of the base."""
         harmonic, phasor, _ = self._rows
         ratio = omega / self.reference
         force = phasor * (level * ratio ** self.force_power[harmonic])
-        base = self.base[self._moves] * (level * ratio ** self.base_power[self._moves])
-        multiple = np.append(self.multiple[harmonic], self.multiple[self._moves])
-        return np.concatenate([force, base]), np.asarray(1j * multiple * omega)
+        base = self.base[self._moves] * (level * ratio ** self.base_power[self._moves])[:, None]
+        multiple = self._of_terms(self.multiple, self.multiple)
+        return np.concatenate([force, base.T.ravel()]), np.asarray(1j * omega * multiple)
+
+    def _of_terms(self, of_loads: Floats | Ints, of_base: Floats | Ints) -> Floats:
+        """(L + B,) numbers of the harmonics (H,) of loads and base, for each term of `signals`."""
+        moves = np.tile(of_base[self._moves], self.base.shape[1] if self._moves.size else 1)
+        return np.append(of_loads[self._rows[0]], moves)
 
     def rates_of_signals(self, omega: float, level: float, parameter: Frequency | Level) -> tuple[Complexes, Complexes]:
         """Derivatives of the amplitudes and exponents of `signals`.
@@ -156,12 +167,11 @@ class PeriodicForcing:
         -------
         amplitude, exponent : (L + B,) of the loads' signals and of the base's harmonics.
         """
-        harmonic = self._rows[0]
         if isinstance(parameter, Level):
             amplitude = self._amplitudes(omega, 1.0)[0]
             return amplitude, np.zeros_like(amplitude)
-        power = np.append(self.force_power[harmonic], self.base_power[self._moves])
-        multiple = np.append(self.multiple[harmonic], self.multiple[self._moves])
+        power = self._of_terms(self.force_power, self.base_power)
+        multiple = self._of_terms(self.multiple, self.multiple)
         return self._amplitudes(omega, level)[0] * power / omega, np.asarray(1j * multiple)
 
 
@@ -183,7 +193,7 @@ class ContactDirection:
     dashpot: Floats  # (m,)
     gap: Floats  # (m,)
     shape: Floats  # (m, n)
-    base_participation: Floats  # (m,) of the motion of each place for a unit motion of the base
+    base_participation: Floats  # (m, K) of the motion of each place for a unit of each motion of the base
     added_contacts: Contacts | None = None  # contacts whose laws' forces are added
     cubic: Floats | None = None  # (nc,) stiffness of cubic springs in addition to the contacts
 
@@ -213,8 +223,8 @@ class ContactDirection:
         -------
         The direction, with an entry for each contact.
         """
-        shapes = dict.fromkeys(("stiffness", "dashpot", "gap", "base_participation"), contacts.gap.shape)
-        shapes["shape"] = contacts.shape.shape
+        shapes = dict.fromkeys(("stiffness", "dashpot", "gap"), contacts.gap.shape)
+        shapes |= {"shape": contacts.shape.shape, "base_participation": contacts.base_participations.shape}
         entries = {name: np.full(shape, rates.pop(name, 0.0)) for name, shape in shapes.items()}
         if rates:
             raise TypeError(f"contacts have no {', '.join(rates)} to change along a direction")
@@ -409,7 +419,7 @@ class PeriodicFlow(ABC):
     @property
     def base_moves(self) -> bool:
         """Whether a contact is on the ground while the base moves."""
-        return self.loads.count > 0 and bool(np.any(self.system.contacts.on_ground))
+        return bool(self.loads.base.any() and np.any(self.system.contacts.on_ground))
 
     def penetration_of(self, y: Floats, times: Floats) -> tuple[Floats, Floats]:
         """Penetration and penetration rate of every contact, (nt, m) each, of states (nt, N) at times."""
@@ -450,17 +460,18 @@ class PeriodicFlow(ABC):
         n, c, j = self.system.size, self.system.contacts, contact
         row = -c.sign[j] * c.shape[j]
         by = row @ flow_map.parameters[:n]
-        t, sign = flow_map.duration, -float(c.sign[j] * c.base_influence[j])
+        t = flow_map.duration
         for i, p in enumerate(parameters):
             if isinstance(p, ContactDirection):
                 by[i] -= p.gap[j] + c.sign[j] * float(p.shape[j] @ flow_map.end[:n])
                 if c.on_ground[j] and self.base_moves:
                     (moved,), _ = self.loads.base_motion(self.omega, self.level, np.array([t]))
-                    by[i] -= c.sign[j] * p.base_participation[j] * float(moved)
-            elif sign and self.base_moves:
+                    by[i] -= c.sign[j] * float(p.base_participation[j] @ moved)
+            elif self.base_moves:
                 _, base, _, dbase = self.loads.at(self.omega, self.level)
-                moving = dbase + 1j * self.loads.multiple * t * base
+                moving = dbase + 1j * t * self.loads.multiple[:, None] * base
                 if isinstance(p, Level):
                     moving = self.loads.at(self.omega, 1.0)[1]
-                by[i] += sign * float((moving * np.exp(1j * self.loads.multiple * self.omega * t)).sum().real)
+                turning = np.exp(1j * self.loads.multiple * self.omega * t)
+                by[i] -= c.sign[j] * float(c.base_influence[j] @ (turning @ moving).real)
         return row @ flow_map.transition[:n], by

@@ -274,8 +274,8 @@ class _Equations:
     def __init__(self, stepping: TimeStepping) -> None:
         self.flow, self.powers, self.cubic = stepping.flow, stepping.powers, stepping.cubic
         self.count = 0
-        base = self.flow.forcing.base_displacement
-        self.base = None if base is None else (base, base.derivative())
+        base = [self.flow.forcing.signal[k] for k in self.flow.forcing.base_displacements]
+        self.base = (base, [of.derivative() for of in base])
 
     def begin(self, t: float, phases: Ints, phases_left: set[tuple[int, int]]) -> None:
         """Go to the piece of the inputs that begins at a time or lasts then, and to phases of the contacts.
@@ -324,11 +324,11 @@ class _Equations:
         """Forces of the cubic springs, N, and the power, W, that the base's motion puts into them."""
         assert self.cubic is not None
         extension = self.cubic.shape @ y[: self.flow.system.size]
-        if self.base is None:
+        if not self.base[0]:
             return self.cubic.stiffness * extension**3, 0.0
-        displacement, velocity = (float(of(t)) for of in self.base)
-        pulls = self.cubic.stiffness * (extension + self.cubic.base_influence * displacement) ** 3
-        return pulls, float(pulls @ self.cubic.base_influence) * velocity
+        displacement, velocity = (np.array([float(of(t)) for of in motions]) for motions in self.base)
+        pulls = self.cubic.stiffness * (extension + self.cubic.base_influence @ displacement) ** 3
+        return pulls, float(pulls @ self.cubic.base_influence @ velocity)
 
     def __call__(self, t: float, y: Floats) -> Floats:
         self.count += 1

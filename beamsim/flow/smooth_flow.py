@@ -73,15 +73,17 @@ class SmoothFlow(PeriodicFlow):
         P, (force, base, d_force, d_base) = len(parameters), loads.at(self.omega, self.level)
         # the numbers, and below them their derivatives by each parameter
         forces, rising = np.zeros((2, 1 + P, *force.shape), dtype=complex)
-        bases, base_rising = np.zeros((2, 1 + P, base.size), dtype=complex)
+        bases, base_rising = np.zeros((2, 1 + P, loads.count, c.base_influence.shape[1]), dtype=complex)
         cubic, stiffness, gap = (np.zeros((1 + P, of.size)) for of in (self.springs.stiffness, c.stiffness, c.gap))
-        forces[0], bases[0], cubic[0], stiffness[0], gap[0] = force, base, self.springs.stiffness, c.stiffness, c.gap
+        moved = bases[..., : base.shape[1]]  # a base at rest may have no motion
+        forces[0], moved[0], cubic[0], stiffness[0], gap[0] = force, base, self.springs.stiffness, c.stiffness, c.gap
         for i, p in enumerate(parameters, 1):
             if isinstance(p, Frequency):
-                forces[i], bases[i] = d_force, d_base
-                rising[i], base_rising[i] = 1j * loads.multiple[:, None] * force, 1j * loads.multiple * base
+                turned = 1j * loads.multiple[:, None]
+                forces[i], moved[i] = d_force, d_base
+                rising[i], base_rising[i, :, : base.shape[1]] = turned * force, turned * base
             elif isinstance(p, Level):
-                forces[i], bases[i] = loads.at(self.omega, 1.0)[:2]
+                forces[i], moved[i] = loads.at(self.omega, 1.0)[:2]
             elif isinstance(p, ContactDirection) and not (np.any(p.dashpot) or np.any(p.shape)):
                 stiffness[i], gap[i] = p.stiffness, p.gap
                 cubic[i] = 0.0 if p.cubic is None else p.cubic
@@ -101,17 +103,16 @@ class SmoothFlow(PeriodicFlow):
         whether it is closed. Their parts are as large as those of motions with the modes' frequencies.
         """
         c, n, orders = self.system.contacts, self.system.size, np.arange(HIGHEST_DERIVATIVE + 1)[:, None]
-        (d,), _ = self.loads.base_motion(self.omega, self.level, np.array([t]))
+        (penetration,), _ = self.penetration_of(z[None], np.array([t]))
         series = make_series(arrays, 1)
-        series_at(arrays, -c.gap - c.sign * (c.shape @ z[:n] + c.base_influence * d) > 0, t, z[:, None], series)
-        q, base = series.q[orders[:, 0], :, 0], series.d[orders[:, 0]]
+        series_at(arrays, penetration > 0, t, z[:, None], series)
+        q, base = series.q[orders[:, 0], :, 0], series.d[orders[:, 0], :, 0]
         omega = np.sqrt(np.abs(self.system.stiffness))
         size = np.abs(z[:n]) * omega**orders + np.abs(z[n:]) * omega ** np.maximum(orders - 1, 0) * (orders > 0)
         gap = np.where(orders == 0, c.gap, 0.0)
-        value = -gap - c.sign * (q @ c.shape.T + c.base_influence * base)
-        parts = (
-            (np.abs(q) + size / _FACTORIAL[orders]) @ np.abs(c.shape).T + np.abs(gap) + c.base_influence * np.abs(base)
-        )
+        value = -gap - c.sign * (q @ c.shape.T + base @ c.base_influence.T)
+        parts = (np.abs(q) + size / _FACTORIAL[orders]) @ np.abs(c.shape).T + np.abs(gap)
+        parts += np.abs(base) @ np.abs(c.base_influence).T
         return certain_signs(value, ROUND_OFF * parts)[0] > 0
 
     def flow_map(self, start: Floats, duration: float, parameters: Sequence[Parameter] = (), t: float = 0.0) -> FlowMap:
@@ -181,8 +182,9 @@ class SmoothFlow(PeriodicFlow):
 
     def cubic_extension(self, y: Floats, times: Floats) -> Floats:
         """(nt, nc) extension of the cubic springs at states (nt, N)."""
-        d, _ = self.loads.base_motion(self.omega, self.level, times)
-        return self.springs.extension(y[:, : self.system.size], d)
+        moves = self.loads.base.any()
+        base = self.loads.base_motion(self.omega, self.level, times)[0] if moves else None
+        return self.springs.extension(y[:, : self.system.size], base)
 
     @property
     def fastest(self) -> float:

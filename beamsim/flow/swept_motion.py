@@ -26,7 +26,6 @@ from beamsim.flow.exact import ExactFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import Log, March, Motion, motion_of, start
 from beamsim.inputs.profiles import Leg, Profile
-from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, windows_of_cycles
 from beamsim.outcomes import Outcome, never, report_progress
 from beamsim.system.equations import Forcing, PiecewiseLinearSystem, RowsOf
@@ -36,8 +35,8 @@ CYCLES_OF_CHUNK = 256
 STEP = 1.05  # ratio of neighbouring carriers: relative to its carrier a cycle turns by no more than 0.16 rad
 
 
-SweptLoads = Callable[[SweepWindows, float], tuple[Forcing, tuple[Signal, ...]]]
-"""The loads under given windows with a carrier, rad/s, and what else outputs may contain."""
+SweptLoads = Callable[[SweepWindows, float], Forcing]
+"""The loads under given windows with a carrier, rad/s."""
 
 
 def carriers(frequency_hz: Floats) -> Floats:
@@ -58,8 +57,7 @@ def with_windows(flow: ExactFlow, loads: SweptLoads, windows: SweepWindows, carr
     -------
     The flow over the duration of the windows.
     """
-    forcing, observers = loads(windows, carrier)
-    return flow.with_loads(forcing, observers, windows.duration)
+    return flow.with_loads(loads(windows, carrier), windows.duration)
 
 
 @dataclass(frozen=True)
@@ -109,8 +107,7 @@ class SweptMotion(March):
             begin, since = processor_time(), float(self.windows.edge[first])
             windows = self.windows.of_cycles(first, last)
             if flow is None:
-                forcing, observers = self.loads(windows, carrier[first])
-                flow = ExactFlow(self.system, forcing, windows.duration, observers)
+                flow = ExactFlow(self.system, self.loads(windows, carrier[first]), windows.duration)
                 motion, begun = start(flow, self.initial_state)
                 self.events = begun.event_time.size
             else:
@@ -203,8 +200,8 @@ class LevelControl:
 
     def __post_init__(self) -> None:
         windows = windows_of_cycles(self.leg, self.specification, 0, 1, phase=self.phase, base_motion=self.moves_base)
-        forcing, observers = self.loads(windows, self._carrier(0, 1))
-        self._latest = ExactFlow(self.system, forcing, windows.duration, observers)  # whose contact states are kept
+        forcing = self.loads(windows, self._carrier(0, 1))
+        self._latest = ExactFlow(self.system, forcing, windows.duration)  # whose contact states are kept
         self._there = _MotionAtEnd(start(self._latest, self.state)[0], self._latest)
         low, high = sorted((self.leg.first_hz, self.leg.last_hz))
         edges = self.specification.edge

@@ -1,9 +1,9 @@
 """Compiled Taylor series of structures with cubic springs: motion, variational equations, contacts.
 
-.. math:: \\ddot q + C \\dot q + \\Omega^2 q = f_0 + f(t) - \\sum_c \\psi_c\\, \\gamma_c\\, (\\psi_c^T q + g_c d(t))^3 +
+.. math:: \\ddot q + C \\dot q + \\Omega^2 q = f_0 + f(t) - \\sum_c \\psi_c \\gamma_c (\\psi_c^T q + g_c^T d(t))^3 +
 \\text{closed contacts}
 
-(:math:`g_c = 1` for a spring or contact on the ground, which feels the base's displacement d, else 0)
+(:math:`g_c` is not 0 for a spring or contact on the ground, which follows the base's displacements d)
 
 is polynomial, so that the Taylor coefficients of q and of every derivative of q follow from recursions (products of
 series are Cauchy sums). The motion and its derivatives are C columns of one array and obey the same recursion: first
@@ -44,18 +44,18 @@ class SmoothSystem(NamedTuple):
     load: Any  # (n,) constant
     cubic_shape: Any  # (nc, n)
     cubic: Any  # (1 + P, nc) N/m^3
-    cubic_ground: Any  # (nc,) base influence
+    cubic_ground: Any  # (nc, K) base influence
     shape: Any  # (m, n)
     sign: Any  # (m,)
     stiffness: Any  # (1 + P, m)
     dashpot: Any  # (m,)
     gap: Any  # (1 + P, m)
-    ground: Any  # (m,) base influence
+    ground: Any  # (m, K) base influence
     frequency: Any  # (H,) rad/s
     force: Any  # (1 + P, H, n) complex
     force_slope: Any  # (1 + P, H, n)
-    base: Any  # (1 + P, H) complex, displacement of the base
-    base_slope: Any  # (1 + P, H)
+    base: Any  # (1 + P, H, K) complex, displacements of the base
+    base_slope: Any  # (1 + P, H, K)
     longest: Any  # s, of a step
 
 
@@ -67,7 +67,7 @@ class Series(NamedTuple):
     x: Any  # (ORDER + 1, nc, C) extension of the cubic springs
     x2: Any  # (ORDER + 1, nc) square of that of the motion
     x3: Any  # (ORDER + 1, nc, C) its cube
-    d: Any  # (ORDER + 1, C) displacement of the base
+    d: Any  # (ORDER + 1, K, C) displacements of the base
 
 
 class SmoothMotion(NamedTuple):
@@ -96,7 +96,8 @@ def make_series(s, columns):
     n, nc, terms = s.omega2.size, s.cubic.shape[1], ORDER + 1
     return Series(
         np.zeros((terms, n, columns)), np.zeros((terms, n, columns)), np.zeros((terms, nc, columns)),
-        np.zeros((terms, nc)), np.zeros((terms, nc, columns)), np.zeros((terms, columns)),
+        np.zeros((terms, nc)), np.zeros((terms, nc, columns)),
+        np.zeros((terms, s.base.shape[2], columns)),
     )  # fmt: skip
 
 
@@ -108,20 +109,21 @@ def _turned(angle: float) -> complex:
 
 @kernel
 def _fill_base(s, t, d):
-    """Taylor coefficients (ORDER + 1, C) of the base's displacement; ``t e^{i w t}`` has ``t e_k + e_{k-1}``.
+    """Taylor coefficients (ORDER + 1, K, C) of the base's displacements; ``t e^{i w t}`` has ``t e_k + e_{k-1}``.
 
     Parameters
     ----------
     s : SmoothSystem.
     t : s, where the step begins.
-    d : (ORDER + 1, C) of the displacement, m, and its derivatives by parameters; written.
+    d : (ORDER + 1, K, C) of the displacements, m, and their derivatives by parameters; written.
     """
     d[:] = 0.0
     for h in range(s.frequency.size):
         term, before = _turned(s.frequency[h] * t), complex(0.0, 0.0)
         for k in range(ORDER + 1):
-            for p in range(min(s.base.shape[0], d.shape[1])):
-                d[k, p] += (s.base[p, h] * term + s.base_slope[p, h] * (t * term + before)).real
+            for p in range(min(s.base.shape[0], d.shape[2])):
+                for b in range(d.shape[1]):
+                    d[k, b, p] += (s.base[p, h, b] * term + s.base_slope[p, h, b] * (t * term + before)).real
             before = term
             term *= complex(0.0, s.frequency[h] / (k + 1))
 
@@ -143,7 +145,8 @@ def _penetration_coefficient(s, j, series, k, p):
         m/s^k.
     """
     value = -s.gap[p, j] if k == 0 and p < s.gap.shape[0] else 0.0
-    value -= s.sign[j] * s.ground[j] * series.d[k, p]
+    for b in range(s.ground.shape[1]):
+        value -= s.sign[j] * s.ground[j, b] * series.d[k, b, p]
     for i in range(s.omega2.size):
         value -= s.sign[j] * s.shape[j, i] * series.q[k, i, p]
     return value
@@ -160,11 +163,13 @@ def _add_cubic(s, series, k):
     k : order.
     """
     q, v, x, x2, x3, d = series
-    n, C = s.omega2.size, d.shape[1]
+    n, C = s.omega2.size, d.shape[2]
     for c in range(x2.shape[1]):
         for p in range(C):
-            x[k, c, p] = s.cubic_ground[c] * d[k, p]
+            x[k, c, p] = 0.0
             x3[k, c, p] = 0.0
+            for b in range(s.cubic_ground.shape[1]):
+                x[k, c, p] += s.cubic_ground[c, b] * d[k, b, p]
         for i in range(n):
             for p in range(C):
                 x[k, c, p] += s.cubic_shape[c, i] * q[k, i, p]
@@ -195,9 +200,11 @@ def _add_contact(s, j, series, k):
     k : order.
     """
     n, v, d = s.omega2.size, series.v, series.d
-    for p in range(d.shape[1]):
+    for p in range(d.shape[2]):
         delta = _penetration_coefficient(s, j, series, k, p)
-        rate = -s.sign[j] * s.ground[j] * (k + 1) * d[k + 1, p]
+        rate = 0.0
+        for b in range(s.ground.shape[1]):
+            rate -= s.sign[j] * s.ground[j, b] * (k + 1) * d[k + 1, b, p]
         for i in range(n):
             rate -= s.sign[j] * s.shape[j, i] * v[k, i, p]
         push = s.stiffness[0, j] * delta + s.dashpot[j] * rate
@@ -272,7 +279,9 @@ def _fill_guards(s, closed, series, H, guards):
         for k in range(guards.basis):
             value = side * _penetration_coefficient(s, j, series, k, 0)
             guards.coefficient[k, j], guards.size[k, j] = value, abs(value)
-            parts = abs(s.ground[j] * series.d[k, 0]) + (abs(s.gap[0, j]) if k == 0 else 0.0)
+            parts = abs(s.gap[0, j]) if k == 0 else 0.0
+            for b in range(s.ground.shape[1]):
+                parts += abs(s.ground[j, b] * series.d[k, b, 0])
             for i in range(s.omega2.size):
                 parts += abs(s.shape[j, i] * series.q[k, i, 0])
             guards.noise_floor[j] += 4.0 * EPS * parts * H**k

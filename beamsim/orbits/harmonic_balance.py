@@ -266,12 +266,13 @@ class ForcedBalance:
         return (value, self.level) if self.parameter == "frequency" else (self.omega, value)
 
     def _loads(self, omega: float, level: float) -> tuple[Complexes, ...]:
-        """Loads (H + 1, n) and base motion (H + 1,), then their derivatives by the parameter."""
+        """Loads (H + 1, n) and base motions (H + 1, K), then their derivatives by the parameter."""
         n, index = self.system.size, self.forcing.multiple * self.multiple
         force, base, *slopes = self.forcing.at(omega, level)
         if self.parameter == "level":
             slopes = list(self.forcing.at(omega, 1.0)[:2])
-        out = [np.zeros((self.harmonics + 1, *shape), dtype=complex) for shape in ((n,), (), (n,), ())]
+        motions = base.shape[1]
+        out = [np.zeros((self.harmonics + 1, size), dtype=complex) for size in (n, motions, n, motions)]
         for target, source in zip(out, (force, base, *slopes), strict=True):
             np.add.at(target, index, source)
         out[0][0] += self.system.constant_load
@@ -311,7 +312,7 @@ class ForcedBalance:
         ----------
         W : (H + 1, r) deflections.
         omega : rad/s, fundamental frequency.
-        base, base_slope : (H + 1,) motion of the base, and its derivative by a parameter.
+        base, base_slope : (H + 1, K) motions of the base, and their derivatives by a parameter.
 
         Returns
         -------
@@ -320,13 +321,14 @@ class ForcedBalance:
         each one-sided spring is closed.
         """
         c, H, count = self._stops, W.shape[0] - 1, self.rows.shape[0]
-        value, by_base, by_rate = (np.zeros((H + 1, count), dtype=complex) for _ in range(3))
+        value, by_rate = (np.zeros((H + 1, count), dtype=complex) for _ in range(2))
         by_x = np.zeros((count, H + 1, 2 * H + 1), dtype=complex)
         h = np.arange(H + 1)
-        base_influence = (
-            c.base_influence if self.cubic is None else np.append(c.base_influence, self.cubic.base_influence)
-        )
-        absolute = W + np.multiply.outer(base, base_influence)
+        influence, absolute, slopes = c.base_influence, W.copy(), np.zeros_like(W)
+        if base.any():
+            influence = influence if self.cubic is None else np.vstack([influence, self.cubic.base_influence])
+            absolute += base @ influence.T
+            slopes += base_slope @ influence.T
         absolute[0] = absolute[0].real
         closed = []
         for j in range(c.count):
@@ -344,13 +346,14 @@ class ForcedBalance:
             third, slope = cubic(absolute[:, j])
             by_x[j] = -k * toeplitz(slope, H, H)
             value[:, j] = -k * third
-        by_base[:] = base_influence * (by_x @ to_real(base_slope)).T
+        by_base = np.asarray((by_x @ to_real(slopes).T[:, :, None])[:, :, 0].T, dtype=complex)
         return value, by_x, by_base, by_rate, tuple(closed)
 
     def flow_at(self, value: float) -> SmoothFlow:
         """The flow of the same structure at a value of the parameter, each spring a contact of its own."""
         omega, level = self.at(value)
-        none = CubicSprings(np.zeros((0, self.system.size)), np.zeros(0))
+        motions = self._stops.base_influence.shape[1]
+        none = CubicSprings(np.zeros((0, self.system.size)), np.zeros(0), np.zeros((0, motions)))
         return SmoothFlow(self.system, self.forcing, omega, level, springs=self.cubic or none)
 
     def scale(self, u: Floats) -> tuple[Floats, Floats]:

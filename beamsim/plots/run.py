@@ -383,9 +383,11 @@ def _histories_of_all(result: RunResult) -> dict[str, list[Chart]]:
     panels["acceleration"] = histories(
         result, (words, "m/s^2"), values, levels, _convergence_note(result, "peak_acceleration_g")
     )
-    base = result["histories"]["base_acceleration"]
-    if result.scenario.excitation.shock and base.unit == "m/s^2" and np.any(base.values):
-        panels["acceleration"] += histories(result, ("Acceleration of the base", "m/s^2"), {"": base.values})
+    moved = result["histories"].by_label("base_acceleration") if result.scenario.excitation.shock else {}
+    base = {name: of.values for name, of in moved.items() if of.unit == "m/s^2" and np.any(of.values)}
+    if base:
+        shown = {"" if len(base) == 1 else name: accelerations for name, accelerations in base.items()}
+        panels["acceleration"] += histories(result, ("Acceleration of the base", "m/s^2"), shown)
     holds_what_it_met = any(each.item.latch for each in result.scenario.located_snubbers)
     forces = result["histories"].by_label("snubber_force")
     for picture, label, unit, limit, entry in _CONTACT:  # of many those with the largest peaks, in their order

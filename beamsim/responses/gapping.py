@@ -78,11 +78,22 @@ def transfer(system: StructuralSystem, frequency_hz: Floats, phases: Ints | None
     contacts, omega = system.dynamics.contacts, 2 * np.pi * np.asarray(frequency_hz)
     phases = contacts.start if phases is None else phases
     per_unit = not_none(system.sine).at(omega) @ system.forcing.load
-    if system.base_acceleration is not None:
-        base = -1.0 / omega[:, None] ** 2
-        pushed = contacts.dynamic_stiffness(phases, omega)
-        per_unit -= ((pushed * contacts.base_influence) @ contacts.shape) * base
+    if system.forcing.base_displacements:
+        per_unit -= (contacts.dynamic_stiffness(phases, omega) * moved_by_base(system, omega)) @ contacts.shape
     return _solve_linear(system, omega, phases, per_unit[:, :, None])[:, :, 0]
+
+
+def accelerations_by_base(system: StructuralSystem, frequency_hz: Floats) -> Complexes:
+    """(F, probes) accelerations of the probes with the base, m/s^2, for a unit amplitude of the sine, at Hz (F,)."""
+    number, factors = system.model.acting_loads.signals, not_none(system.sine).at(2 * np.pi * frequency_hz)
+    moved = [number[path, "acceleration"] for path, _ in system.model.acting_loads.base]
+    return np.asarray(factors[:, moved] @ system.base_influence.T)
+
+
+def moved_by_base(system: StructuralSystem, omega: Floats) -> Complexes:
+    """(F, m) displacements of the contacts relative to their mountings by the base's own motion, for a unit sine."""
+    displacements, influence = list(system.forcing.base_displacements), system.dynamics.contacts.base_influence
+    return np.asarray(not_none(system.sine).at(omega)[:, displacements] @ influence[:, : len(displacements)].T)
 
 
 def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, ContactLevels]:
@@ -99,11 +110,10 @@ def contact_levels(system: StructuralSystem, frequency_hz: Floats) -> dict[str, 
     penetration = static_penetration(system)
     closed = penetration > 0
     omega = 2 * np.pi * frequency_hz
-    base = np.zeros(omega.size) if system.base_acceleration is None else -1.0 / omega**2
+    moved = moved_by_base(system, omega) if system.forcing.base_displacements else 0.0
     resting, pressed = contacts.resting_phases(penetration), pressed_phases(system, penetration)
     at_rest, shut = (  # openings
-        transfer(system, frequency_hz, phases) @ contacts.shape.T + base[:, None] * contacts.base_influence
-        for phases in (resting, pressed)
+        transfer(system, frequency_hz, phases) @ contacts.shape.T + moved for phases in (resting, pressed)
     )
     stiffness, first = np.abs(contacts.dynamic_stiffness(resting, omega)), np.full(at_rest.T.shape, np.inf)
     for j, law in enumerate(contacts.laws):  # levels at which the linear motion takes each contact out of its phase

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from beamsim.flow.periodic_flow import PeriodicFlow, PeriodicForcing
@@ -36,7 +38,7 @@ def sine_of(excitation: Sine, omega: float, level: float) -> complex:
     return complex(-1j * amplitude * np.exp(1j * (excitation.phase + phase_of_acceleration(quantity, level))))
 
 
-def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tuple[Forcing, tuple[Signal, ...]]:
+def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> Forcing:
     """The loads of a built system under a sine of one frequency.
 
     Parameters
@@ -47,17 +49,14 @@ def harmonic_loads(system: StructuralSystem, omega: float, sine: complex) -> tup
 
     Returns
     -------
-    forcing : the loads, and the displacement of the base where contacts on the ground need it.
-    observers : the base's acceleration; none where the base rests.
+    Forcing
     """
 
     def signal(amplitude: complex) -> Signal:
         return Signal(np.zeros(1), np.array([1j * omega]), np.full((1, 1, 1), amplitude))
 
-    forcing, moves = system.forcing, system.base_acceleration is not None
-    signals = tuple(signal(factor * sine) for factor in not_none(system.sine).at(np.array([omega]))[0])
-    base = None if forcing.base_displacement is None else signal(-sine / omega**2)
-    return Forcing(forcing.load, signals, base), (signal(sine),) if moves else ()
+    factors = not_none(system.sine).at(np.array([omega]))[0]
+    return replace(system.forcing, signal=tuple(signal(factor * sine) for factor in factors))
 
 
 def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicForcing:
@@ -68,16 +67,12 @@ def periodic_forcing(scenario: Scenario, system: StructuralSystem) -> PeriodicFo
     excitation, factors = scenario.sine, not_none(system.sine)
     omega, held = 2 * np.pi * excitation.frequency, power_of(excitation.quantity)
     sine = sine_of(excitation, omega, 1.0)
-    force = system.forcing.load * (sine * factors.at(np.array([omega]))[0])[:, None]
-    moves = system.forcing.base_displacement is not None
-    count, base = force.shape[0], int(moves)  # the base moves with a load of its own, which is no force
+    amplitude, displacements = sine * factors.at(np.array([omega]))[0], list(system.forcing.base_displacements)
+    count, motions = amplitude.size, np.arange(len(displacements))
+    base, power = np.zeros((count, motions.size), dtype=complex), held + factors.power.astype(float)
+    base[displacements, motions] = amplitude[displacements]
     return PeriodicForcing(
-        np.ones(count + base, dtype=np.int64),
-        np.pad(force, ((0, base), (0, 0))),
-        np.append(held + factors.power, np.zeros(base)),
-        np.append(np.zeros(count), np.full(base, -sine / omega**2)),
-        np.append(np.zeros(count), np.full(base, held - 2.0)),
-        omega,
+        np.ones(count, dtype=np.int64), system.forcing.load * amplitude[:, None], power, base, power, omega
     )
 
 

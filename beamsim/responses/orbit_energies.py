@@ -158,15 +158,16 @@ def _by_quadrature(flow: PeriodicFlow, motion: _PiecewiseMotion, fastest: float)
     states, of_state = np.unique(phases, axis=0, return_inverse=True)
     dashpots = contacts.arrays.dissipative_force[np.arange(contacts.count), states, RATE][of_state.reshape(-1)]
     delta, rate = flow.penetration_of(y, times)
-    push = contacts.forces(phases[each], delta, rate, y[:, 2 * n :]) @ (contacts.sign * contacts.base_influence)
+    push = contacts.sign * contacts.forces(phases[each], delta, rate, y[:, 2 * n :])
     v, force = y[:, n : 2 * n], loads.at(flow.omega, flow.level)[0]
     turning = np.exp(1j * np.multiply.outer(times, loads.multiple * flow.omega))
     outside = flow.system.constant_load + (turning @ force).real
-    _, base_rate = loads.base_motion(flow.omega, flow.level, times)
-    power = (outside * v).sum(axis=1) - push * base_rate
-    if isinstance(flow, SmoothFlow):
-        power += (
-            (flow.springs.stiffness * flow.cubic_extension(y, times) ** 3) @ flow.springs.base_influence * base_rate
-        )
+    power = (outside * v).sum(axis=1)
+    if loads.base.any():
+        through = -push @ contacts.base_influence  # (nt, K) by contacts and springs on the ground
+        if isinstance(flow, SmoothFlow):
+            pull = flow.springs.stiffness * flow.cubic_extension(y, times) ** 3
+            through += pull @ flow.springs.base_influence
+        power += (through * loads.base_motion(flow.omega, flow.level, times)[1]).sum(axis=1)
     loss = ((v @ flow.system.damping) * v).sum(axis=1) + (dashpots[each] * rate**2).sum(axis=1)
     return float(share @ power), float(share @ loss)

@@ -21,7 +21,6 @@ from beamsim.flow.periodic_flow import FlowMap, PeriodicFlow
 from beamsim.flow.trajectory import Trajectory
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
-from beamsim.inputs.signal import Signal
 from beamsim.orbits.branch import BranchPoint, OrbitBranch
 from beamsim.orbits.harmonic_balance import ForcedBalance
 from beamsim.orbits.period import PIECES, polynomial_extrema
@@ -124,8 +123,7 @@ class Measurement:
             return None
         flow, flow_map = cycle
         system = self.system if self.system_at is None else self.system_at(self.system, point.parameter)
-        forcing, observers = self._loads(flow.omega, flow.level)
-        exact = ExactFlow(flow.system, forcing, flow_map.duration, observers)
+        exact = ExactFlow(flow.system, self._loads(flow.omega, flow.level), flow_map.duration)
         return system, simulate(exact, branch.orbits[number].state)
 
     def _of_moved(self, system: StructuralSystem, problem: Any, point: BranchPoint) -> MeasuredMotion:
@@ -153,8 +151,8 @@ class Measurement:
         edges = np.append(flow_map.time, flow_map.duration)
         return self._on_pieces(flow, edges, flow_map.phases, lambda times: flow.states_at(flow_map, times))
 
-    def _loads(self, omega: float, level: float) -> tuple[Forcing, tuple[Signal, ...]]:
-        """Loads, and further signals that channels need, at a frequency, rad/s, and level."""
+    def _loads(self, omega: float, level: float) -> Forcing:
+        """Loads at a frequency, rad/s, and level."""
         sine = 0.0 if self.excitation is None else sine_of(self.excitation, omega, level)
         return harmonic_loads(self.system, omega, sine)
 
@@ -162,9 +160,8 @@ class Measurement:
         """Motions of one system, each under the loads of its flow."""
         loads, first = [self._loads(flow.omega, flow.level) for flow, _ in cycles], cycles[0][0]
         if self._last_flow is None or self._last_flow.system is not first.system:
-            forcing, observers = loads[0]
-            self._last_flow = ExactFlow(first.system, forcing, first.exact.duration, observers)
-        sources = [self._last_flow.sources_under(*each) for each in loads]
+            self._last_flow = ExactFlow(first.system, loads[0], first.exact.duration)
+        sources = [self._last_flow.sources_under(each) for each in loads]
         return HarmonicMotions(self._last_flow, [each for _, each in cycles], sources)
 
     def _in_closed_form(self, motions: HarmonicMotions) -> list[MeasuredMotion]:
@@ -187,8 +184,7 @@ class Measurement:
         pieces: int = PIECES,
     ) -> MeasuredMotion:
         """A motion whose states are known, with the springs' phases (G, m) between edges (G + 1,)."""
-        forcing, observers = self._loads(flow.omega, flow.level)
-        exact = ExactFlow(flow.system, forcing, float(edges[-1]), observers)
+        exact = ExactFlow(flow.system, self._loads(flow.omega, flow.level), float(edges[-1]))
         owner, direction = self.system.dynamics.contacts.owners_of_springs
         first = np.diff(owner, prepend=-1) > 0  # the part that touches first, whose face is that of the contact
         sizes = self.channels.sizes
@@ -200,8 +196,7 @@ class Measurement:
             return split.rows(rows.shape[0], contact=contact, opening=opening, **parts)
 
         channels = tuple(replace(channel, rows=by_part(channel.rows)) for channel in self.channels.channels)
-        base = exact.forcing.base_displacement
-        known = SteppedChannels(replace(self.system, base_displacement=base), exact, ChannelSet(channels, split))
+        known = SteppedChannels(self.system, exact, ChannelSet(channels, split))
 
         def values(times: Floats, inside: Floats) -> Floats:
             segment = np.clip(np.searchsorted(edges, inside, side="right") - 1, 0, phases.shape[0] - 1)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from beamsim.flow.channels import outputs_of
 from beamsim.flow.exact import ExactFlow
 from beamsim.system.equations import ChannelSet
@@ -43,11 +41,10 @@ class SteppedChannels:
         return self.channels.values(known + self._additional_values(self.channels.rows, times, y))
 
     def _additional_values(self, rows: Floats, times: Floats, y: Floats) -> Floats | float:
-        """(nt, k) contributions that the flow leaves out: cubic springs, and a base motion that affects no contact."""
-        system, flow, of = self._system, self._flow, self.channels.sizes.part
-        base = 0.0 if system.base_displacement is None else system.base_displacement(times)
-        additional = 0.0 if flow.base_channel >= 0 else np.outer(base, of(rows, "base_displacement"))
-        if system.cubic is None:
-            return additional
-        pull = system.cubic.stiffness * system.cubic.extension(y[:, : system.dynamics.size], base) ** 3
-        return additional + pull @ (of(rows, "cubic") - of(rows, "acceleration") @ system.cubic.shape.T).T
+        """(nt, k) contributions of cubic springs, which the flow leaves out."""
+        cubic, of = self._system.cubic, self.channels.sizes.part
+        if cubic is None:
+            return 0.0
+        forcing = self._flow.forcing
+        pull = cubic.stiffness * cubic.extension(y[:, : self._system.dynamics.size], forcing.base_at(times)) ** 3
+        return pull @ (of(rows, "cubic") - of(rows, "acceleration") @ cubic.shape.T).T

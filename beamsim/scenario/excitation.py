@@ -974,21 +974,18 @@ class Forces(Input):
     """Several forces and motions."""
     forces: Annotated[tuple[Annotated[SingleExcitation, BY_FORM], ...], Field(min_length=1)]
     """The excitations: harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled, random or
-    matched, each applied to a point, a line of a beam, an area of a plate or a moving support; one of them may move the
-    base."""
+    matched, each applied to the base in a direction, a point, a line of a beam, an area of a plate, a moving support or
+    a moving stop; several motions of the base add up."""
 
     def check(self) -> None:
-        """Refuse two motions of the base."""
-        first, *more = [index for index, force in enumerate(self.forces) if force.on_base] or [0]
+        """Refuse a second record for a spectrum: results show the spectrum of one."""
+        first, *more = [index for index, force in enumerate(self.forces) if force.kind == "matched"] or [0]
         if more:
-            one, other = (self.forces[index].direction or "z" for index in (first, more[0]))
             raise InvalidValueError(
-                f"is the base, which forces[{first}] moves already{f' along {one}' if one != other else ''}",
-                "list one motion of the base; several sines are one multi_tone" if one == other else
-                f"list one motion of the base, and the one along {other} as motions of the supports: "
-                f"{{support: ..., direction: ...}}",
-                ("forces", more[0], "applied_to"),
-            )  # fmt: skip
+                f"= matched, as forces[{first}] is: results compare one record with its curve",
+                "write its record to a file first (a run with this input alone), and read it with kind: sampled",
+                ("forces", more[0], "kind"),
+            )
 
     @property
     def items(self) -> list[tuple[Path, Any]]:
@@ -1005,7 +1002,26 @@ class Forces(Input):
     phase: ClassVar[float] = 0.0
     quantity: ClassVar[str] = q.FACTOR
     level_quantities: ClassVar[tuple[str, ...]] = (q.FACTOR,)
-    on_base: ClassVar[bool] = False
+
+    @property
+    def on_base(self) -> bool:
+        """Whether the only one moves the base."""
+        return len(self.forces) == 1 and self.forces[0].on_base
+
+    def problems(self, scenario: Whole, path: Path) -> Problems:
+        """Problems of motions of the base that a swept sine cannot follow: it sweeps one acceleration."""
+        swept = getattr(scenario.sweep, "kind", "") == "swept_sine" and any(force.on_base for force in self.forces)
+        remedy = "use sweep.kind: stepped or continuation"
+        for index, force in enumerate(self.forces if swept else ()):
+            if not force.on_base:
+                message = "is not the base, which a swept sine moves at the same time"
+                yield problem((*path, "forces", index, "applied_to"), message, remedy)
+            elif force.quantity not in ("acceleration", "angular_acceleration"):
+                message = f"is {_with_article(force.quantity)}, but a swept sine moves the base by accelerations"
+                yield problem((*path, "forces", index, "level"), message, remedy)
+            elif isinstance(force, Harmonic) and abs(math.sin(force.phase)) > 1e-12:
+                message = f"= {force.phase:g} rad is neither 0 nor 180 deg, which a swept sine needs"
+                yield problem((*path, "forces", index, "phase"), message, remedy)
 
     @property
     def frequency(self) -> float:
@@ -1019,16 +1035,11 @@ class Forces(Input):
         return self.model_copy(update={"forces": forces})
 
     def problems_of_sines(self, section: str) -> Problems:
-        """Problems of forces that a section cannot sweep: a base motion, not a sine, a second frequency."""
+        """Problems of inputs that a section cannot sweep: not a sine, a second frequency."""
         frequency = self.harmonics[0].frequency if self.harmonics else 0.0
         for index, force in enumerate(self.forces):
             at = ("excitation", "forces", index)
-            if force.on_base:
-                yield problem(
-                    (*at, "applied_to"), f"is the base, which {section} moves alone",
-                    "leave out the other forces, or move its supports instead",
-                )  # fmt: skip
-            elif not isinstance(force, Harmonic):
+            if not isinstance(force, Harmonic):
                 yield problem(
                     (*at, "kind"), f"= {force.kind} has no frequency that {section} could change",
                     "make it harmonic, or leave it out",

@@ -775,9 +775,10 @@ class BasePulse(Schema):
     probe: ClassVar[str] = ""
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
-        """A problem if the base does not move."""
+        """A problem if the base does not move, or in several directions."""
         if not getattr(scenario.excitation, "on_base", False):
-            yield problem(path, "is a pulse of the base, which rests", "use kind: impulse, or excite the base")
+            message = "is a pulse of the base, which rests or moves in several directions"
+            yield problem(path, message, "use kind: impulse, or excite the base in one direction")
 
 
 MOST_STARTS = 200_000

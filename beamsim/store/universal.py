@@ -57,6 +57,7 @@ class RowOwner(NamedTuple):
     number: int = 0
 
 
+_AXES = {"x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}  # by direction of a motion of the base
 _STATISTICS = ("peak_", "max_", "min_", "rms_", "mean_", "harmonic_")
 
 
@@ -83,10 +84,12 @@ def records_of(items: Items, result: Any) -> list[dict[str, Any]]:
     source = Source(result.title, result.created, f"beamsim {root['beamsim_version']} {root['command']}")
     records = []
     for kind, name, function in _functions(items):
-        if (kind, name) in nodes and function.x.size > 1:
-            node = list(nodes).index((kind, name)) + first
+        place = (kind, "base") if kind == "base" else (kind, name)
+        if place in nodes and function.x.size > 1:
+            node = list(nodes).index(place) + first
             turned = function.quantity == "force" and name in upside_down
-            records.append(record_58(source, function, name, node, -3 if turned else 3))
+            axis = _AXES.get(name.partition(" ")[0], 3) if kind == "base" else 3
+            records.append(record_58(source, function, name, node, -axis if turned else axis))
     if not records:
         return []
     number = first + len(nodes) + np.arange(stations.position.size)
@@ -239,10 +242,10 @@ def _functions(items: Items) -> Iterator[tuple[str, str, Function]]:
         plain = name.removeprefix(f"{section}_")
         quantity = next((plain.removeprefix(start) for start in _STATISTICS if plain.startswith(start)), plain)
         dims = [last(axis) for axis in item.axes]
-        places = [dim for dim in dims if dim in ("probe", "snubber")]
+        places = [dim for dim in dims if dim in ("probe", "snubber", "base_motion")]
         along = [dim for dim in dims if dim not in (*places, *ORDERS)]
         numbered = next((dim for dim in dims if dim in ORDERS), None)
-        if quantity not in ORDINATES or len(along) != 1 or len(places) != (section != "base"):
+        if quantity not in ORDINATES or len(along) != 1 or len(places) != 1:
             continue
         axis = item.axes[dims.index(along[0])]
         for of, labels in _names_at(items, item, dims, places):

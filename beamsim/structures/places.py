@@ -400,7 +400,8 @@ class Recovery:
     strain_per_moment: Floats | None = None  # (nx,) extreme_fibre / (E I), 1/(N m), of a beam
     # for a plate (3, 3) strains x, y, xy of the lower surface for Mx, My, Mxy, 1/N
     strains_per_moments: Floats | None = None
-    # (moments nx,) base_moment per m/s^2 of base acceleration: static contribution of the omitted modes
+    # (moments nx,) base_moment per m/s^2 of base acceleration: static contribution of the omitted modes; (moments nx,
+    # K) of several motions of the base
     base_moment: Floats | None = None
     position_y: Floats | None = None  # (nx,) m, y on a plate
     points: Floats | None = None  # (nx, 3) m, of nodes with coordinates; NaN if unknown
@@ -469,7 +470,7 @@ class StressRows:
 
     stations: Stations
     row: Floats  # (nx, n) Pa for a unit of each coordinate
-    base: Floats  # (nx,) Pa per m/s^2 of base acceleration
+    base: Floats  # (nx,) Pa per m/s^2 of base acceleration; (nx, K) of several motions of the base
     bodies: tuple[str, ...]  # (nx,) name of each station's body
 
 
@@ -480,7 +481,7 @@ def stress_rows(recoveries: Sequence[Recovery]) -> StressRows | None:
         if recovery.bending_moment is not None and recovery.stress_per_moment is not None:
             assert recovery.base_moment is not None
             rows.append(recovery.stress_per_moment[:, None] * recovery.bending_moment)
-            base.append(recovery.stress_per_moment * recovery.base_moment)
+            base.append((recovery.stress_per_moment * recovery.base_moment.T).T)
             bodies.append(recovery if recovery.moments == 1 else _station_of_each_moment(recovery))
     if not rows:
         return None

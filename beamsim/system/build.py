@@ -80,8 +80,10 @@ def sine_loads(model: ReducedModel, forcing: Forcing) -> SineLoads | None:
         amplitude = _phasor(moved.excitation) if several else complex(1.0)
         power = power_of(moved.excitation.quantity) if several else 0
         terms += [(amplitude, power), (amplitude, power - 1), (amplitude, power - 2)]
-    if not terms:  # base motion: its acceleration, and its displacement if there are springs to the ground
-        terms = [(complex(1.0), power) for power in (0, -2)[: len(forcing.signal)]]
+    base = [(_phasor(each), power_of(each.quantity)) if several else (1.0, 0) for _, each in model.acting_loads.base]
+    terms += base
+    if len(forcing.signal) > len(terms):  # also the displacements of the base
+        terms += [(amplitude, power - 2) for amplitude, power in base]
     amplitudes, powers = zip(*terms, strict=True)
     return SineLoads(np.array(amplitudes, dtype=complex), np.array(powers, dtype=np.int64))
 
@@ -94,7 +96,7 @@ def _phasor(sine: Any) -> complex:
 class TimeDependent(NamedTuple):
     """The time-dependent parts of the equations."""
 
-    base: BaseMotion | None  # None if the base is at rest
+    base: tuple[BaseMotion, ...]  # (K,)
     forcing: Forcing
     accounts: list[tuple[str, InputAccount]]  # description of every input, with its path
 
@@ -109,29 +111,30 @@ def time_dependent_loads(model: ReducedModel, static_loads: _StaticLoads) -> Tim
     """The motion of the base and the time-dependent loads.
 
     The loads are: one for each force, three for each moving support, one for each stop that moves by itself (without
-    load), then those of the base.
+    load), the accelerations of the base, then its displacements if something on the ground follows them.
     """
-    motion, accounts = None, list[tuple[str, InputAccount]]()
+    accounts = list[tuple[str, InputAccount]]()
     loads = [
         (model.shape(force.applied_to), _signal_of(model, path, force, level_signal, accounts).signal)
         for path, force in model.acting_loads.forces
     ]
     if model.moving_supports or model.acting_loads.stops:
         loads += _loads_of_moving_supports(model, accounts)
-    if model.acting_loads.base is not None and model.base is not None:
-        motion = _signal_of(model, *model.acting_loads.base, base_motion, accounts)
-        inertia, ground = model.base_load(model.base)
-        loads.append((-inertia, motion.acceleration))
-        if model.structure.base_load(model.base)[1].any():  # springs to the ground extend with the base's displacement
-            loads.append((ground, motion.displacement))
-    load = np.array([vector for vector, _ in loads]).reshape(len(loads), model.basis.size)
+    base = [_signal_of(model, *moving, base_motion, accounts) for moving in model.acting_loads.base]
+    of_base, displacements = [model.base_load(motion) for motion in model.base], tuple[int, ...]()
+    loads += [(-inertia, moved.acceleration) for (inertia, _), moved in zip(of_base, base, strict=True)]
     cubic = static_loads.cubic
-    on_ground = static_loads.contacts.on_ground.any() or (cubic and cubic.base_influence.any())
-    displacement = motion.displacement if motion is not None and on_ground else None
+    followed = static_loads.contacts.on_ground.any() or (cubic and cubic.base_influence.any())
+    # springs to the ground extend with the base's displacements
+    if base and (followed or np.any([ground for _, ground in of_base])):
+        displacements = tuple(range(len(loads), len(loads) + len(base)))
+        loads += [(ground, moved.displacement) for (_, ground), moved in zip(of_base, base, strict=True)]
+    load = np.array([vector for vector, _ in loads]).reshape(len(loads), model.basis.size)
     mountings = (getattr(snubber, "mounted_on", None) for snubber in model.scenario.all_snubbers)
     moved_mountings = model.acting_loads.stops or any(isinstance(on, SupportMounting) for on in mountings)
     influence = _influence_of_mountings(model, static_loads, len(loads)) if moved_mountings else None
-    return TimeDependent(motion, Forcing(load, tuple(signal for _, signal in loads), displacement, influence), accounts)
+    forcing = Forcing(load, tuple(signal for _, signal in loads), displacements, influence)
+    return TimeDependent(tuple(base), forcing, accounts)
 
 
 def _signal_of(
@@ -235,19 +238,17 @@ class SystemFamily:
         """Only the contacts of `at`, for systems without preloads."""
         return _build_static_loads(self._model_with(path, value)).contacts
 
-    def rates_along(self, place: Place) -> tuple[Floats, float]:
+    def rates_along(self, place: Place) -> tuple[Floats, Floats]:
         """Derivatives with respect to the position of a place on its body, per m.
 
         Returns
         -------
         tuple
-            (n,) derivative of the deflection for a unit of each coordinate, 1/(sqrt(kg) m), and of the motion for a
-            unit motion of the base.
+            (n,) derivative of the deflection for a unit of each coordinate, 1/(sqrt(kg) m), and (K,) of the motion for
+            a unit of each motion of the base.
         """
         turned = replace(place, direction=SLOPE)
-        motion = self.model.base
-        of_base = 0.0 if motion is None else self.model.structure.base_motion_at(turned, motion)
-        return self.model.shapes([turned])[0], of_base
+        return self.model.shapes([turned])[0], self.model.base_participations([turned])[0]
 
     def _model_with(self, path: Path, value: float) -> ReducedModel:
         return replace(self.model, scenario=replace_values(self.model.scenario, {path: value}))
@@ -314,12 +315,13 @@ def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool 
     weights = [value * model.base_load(direction)[0] for direction, value in gravity_loads(scenario)]
     loads = np.array(forces + weights).reshape(-1, model.basis.size)  # N/sqrt(kg)
     contacts, equilibrium, initial, warnings = _statics(model, static_loads, loads)
-    motion, forcing, accounts = time_dependent_loads(model, static_loads)
+    base, forcing, accounts = time_dependent_loads(model, static_loads)
     if model.moving_supports:
         initial += _start_on_supports(model, forcing)
     if contacts.internal_states:
         initial = np.append(initial, _relaxed_states(contacts, forcing, initial[: model.basis.size]))
-    correction = None if motion is None or motion.corrections is None else CorrectionSize.of(motion.corrections)
+    sizes = [CorrectionSize.of(motion.corrections) for motion in base if motion.corrections is not None]
+    correction = max(sizes, key=lambda size: size.share, default=None)
     if correction is not None:
         stepped = any(has_level_steps(each) for _, each in scenario.excitation.items)
         warnings += correction.warnings(stepped_levels=stepped)
@@ -330,8 +332,7 @@ def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool 
     dynamics = PiecewiseLinearSystem(model.stiffness, model.damping, contacts, loads.sum(axis=0))
     return StructuralSystem(
         model=model, as_built=dynamics, dynamics=dynamics, forcing=forcing, initial_state=initial,
-        probes=_describe_probes(model), base_acceleration=motion.acceleration if motion else None,
-        base_velocity=motion.velocity if motion else None, base_displacement=motion.displacement if motion else None,
+        probes=_describe_probes(model), base=base,
         snubbers=_describe_snubbers(model, contacts, equilibrium, static_loads.tables), bodies=recoveries,
         stops=static_loads.stops, static_equilibrium=equilibrium.q, static_reason=equilibrium.reason,
         excitation_frequency_hz=scenario.excitation.tone_hz, cubic=static_loads.cubic, springs=static_loads.springs,
@@ -449,8 +450,8 @@ def _check_places_on_supports(model: ReducedModel) -> None:
 def _relaxed_states(contacts: Contacts, forcing: Forcing, q: Floats) -> Floats:
     """(r,) internal states of contacts at the start: after a long rest, or as installed."""
     apart = contacts.shape @ q
-    if forcing.base_displacement is not None:
-        apart += contacts.base_influence * float(forcing.base_displacement(0.0))
+    if (moved := forcing.base_at(np.zeros(1))) is not None:
+        apart += contacts.base_influence @ moved[0]
     if forcing.influence is not None:
         apart += forcing.influence @ [float(signal(0.0)) for signal in forcing.signal]
     return _with_initial_branches(contacts).relaxed_states(-contacts.gap - contacts.sign * apart)
@@ -483,7 +484,7 @@ def _check_rigid_friction(model: ReducedModel, springs: Sequence[SpringInfo], st
         if coupled:
             why = f"is missing, and {', '.join(coupled)} relaxes or sticks with its own spring"
             problems.append(problem((*path, "stiffness"), why, "give the contact a tangential stiffness"))
-        if getattr(contact, "mounted_on", "base") == "ground" and model.base is not None:
+        if getattr(contact, "mounted_on", "base") == "ground" and model.base:
             why = "is missing, and the base moves while the contact sticks to the ground"
             remedy = "give the contact a tangential stiffness, or mount it on the base"
             problems.append(problem((*path, "stiffness"), why, remedy))
@@ -493,7 +494,7 @@ def _check_rigid_friction(model: ReducedModel, springs: Sequence[SpringInfo], st
 
 def _describe_probes(model: ReducedModel) -> tuple[ProbeRow, ...]:
     sites = model.probe_sites
-    of_probes = model.scenario.effective_probes, sites, model.shapes(sites), model.base_participations(sites).tolist()
+    of_probes = model.scenario.effective_probes, sites, model.shapes(sites), model.base_participations(sites)
     return tuple(
         ProbeRow(probe.name, site.coordinate, site.position_y, shape, lever)
         for probe, site, shape, lever in zip(*of_probes, strict=True)

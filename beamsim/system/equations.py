@@ -26,10 +26,10 @@ those with the smallest sum of squares are used.
 
 A channel is an observable: a linear row on the motion and on the loads,
 
-.. math:: y = D q + V q' + A q'' + a\, \ddot d + b\, d + F f + G g + S s(t) + c + P p(q)
+.. math:: y = D q + V q' + A q'' + F f + G g + S s(t) + c + P p(q)
 
-with the coordinates q relative to the base, the base displacement d, the contact forces f and openings g, the load
-signals s and the forces p of cubic springs.
+with the coordinates q relative to the base, the contact forces f and openings g, the load signals s, among them the
+motions of the base, and the forces p of cubic springs.
 """
 
 from __future__ import annotations
@@ -94,17 +94,22 @@ class PiecewiseLinearSystem:
 
 @dataclass(frozen=True)
 class Forcing:
-    """Time-dependent loads ``sum_l load[l] * signal[l](t)``, and the displacement d(t) of the base.
+    """Time-dependent loads ``sum_l load[l] * signal[l](t)``.
 
-    ``base_displacement`` is needed only by contacts on the ground (``None`` means d = 0), ``influence`` only by
-    contacts whose mounting moves.
+    The displacements of the base, one for each of its motions, are signals that need not load the structure: contacts
+    and cubic springs on the ground follow them. ``influence`` is needed only by contacts whose mounting moves.
     """
 
     load: Floats  # (L, n)
     signal: tuple[Signal, ...]  # (L,)
-    base_displacement: Signal | None = None
+    base_displacements: tuple[int, ...] = ()  # (K,) index of the signal of each; none if nothing follows them
     # (m, L) displacement of each contact point relative to its mounting for a unit of each signal
     influence: Floats | None = None
+
+    def base_at(self, times: Floats) -> Floats | None:
+        """(nt, K) displacements of the base, m, at times (nt,), s; None if nothing follows them."""
+        moved = [self.signal[k](times) for k in self.base_displacements]
+        return np.stack(moved, axis=-1) if moved else None
 
 
 @dataclass(frozen=True)
@@ -396,9 +401,8 @@ class Sizes(NamedTuple):
 
     The blocks of a row are: ``displacement``, ``velocity`` and ``acceleration`` for a unit of each coordinate;
     ``contact`` for the force of each contact, N; ``opening`` for the distance of each contact to its face, m, 0 if
-    closed; ``load`` for each signal of the loads; ``base_acceleration`` and ``base_displacement`` for m/s^2 and m of
-    the base; ``constant``; ``cubic`` for the force of each cubic spring, N, in addition to its effect on the
-    acceleration.
+    closed; ``load`` for each signal of the loads; ``constant``; ``cubic`` for the force of each cubic spring, N, in
+    addition to its effect on the acceleration.
     """
 
     coordinates: int  # n
@@ -412,7 +416,7 @@ class Sizes(NamedTuple):
         n, m, signals, cubic = self
         sizes = {
             "displacement": n, "velocity": n, "acceleration": n, "contact": m, "opening": m, "load": signals,
-            "base_acceleration": 1, "base_displacement": 1, "constant": 1, "cubic": cubic,
+            "constant": 1, "cubic": cubic,
         }  # fmt: skip
         ends = np.cumsum([0, *sizes.values()]).tolist()
         return {name: slice(first, last) for name, first, last in zip(sizes, ends, ends[1:], strict=False)}

@@ -118,13 +118,19 @@ class _OutputContext:
         if kind == "rotation":
             place = replace(place, direction=SLOPE)
         shape: Any = self.model.shapes([place])
-        motion = self.model.base or UPWARDS
-        moved = self.model.structure.base_motion_at(place, motion) if kind == "acceleration" else 0.0
         quantity = "displacement" if kind == "rotation" else kind
         load = np.zeros((1, len(self.forcing.signal)))
+        if kind == "acceleration":
+            load += self._by_base([self.model.structure.base_motion_at(place, motion) for motion in self.model.base])
         for each in self.model.moving_supports:  # added to the motion of the free dofs
             load[0, self.model.acting_loads.signals[each.path, quantity]] = each.support.direct(place)
-        return self._channel(output, place.label, base_acceleration=np.array([moved]), load=load, **{quantity: shape})
+        return self._channel(output, place.label, load=load, **{quantity: shape})
+
+    def _by_base(self, factors: Sequence[float] | Floats) -> Floats:
+        """(1, L) coefficients of the load signals: factors (K,) of the accelerations of the base."""
+        return self.model.of_base(
+            "acceleration", np.asarray(factors, dtype=float).reshape(1, -1), len(self.forcing.signal)
+        )
 
     def _channel(
         self, output: Any, place_text: str, count: int = 1, *, squared: bool = False, **blocks: Any
@@ -135,18 +141,18 @@ class _OutputContext:
     def _recovered_channel(self, output: Any) -> Channel:
         name = output.body or self.model.scenario.default_body
         structure, names = self.model.structure, self.model.scenario.all_bodies[name].recovered_rows
-        member, motion = structure.member(name), self.model.base or UPWARDS
+        member = structure.member(name)
         row = member.body.recovery_row(names.index(output.row), _BY_ORDER.index(output.motion))
         on_dofs = (row @ member.body.all_dofs_map) @ member.expansion
         shape = on_dofs @ self.model.basis.vectors / np.sqrt(structure.mass_scale)
-        of_base = row @ member.body.rigid_motion(motion)
-        base = np.array([of_base if output.motion == "acceleration" else 0.0])
         load = np.zeros((1, len(self.forcing.signal)))
+        if output.motion == "acceleration":
+            load += self._by_base([float(row @ member.body.rigid_motion(motion)) for motion in self.model.base])
         for each in self.model.moving_supports:
             field = each.support.motion.fields.get(name)
             if field is not None:
                 load[0, self.model.acting_loads.signals[each.path, output.motion]] = row @ field
-        return self._channel(output, name, base_acceleration=base, load=load, **{output.motion: shape[None]})
+        return self._channel(output, name, load=load, **{output.motion: shape[None]})
 
     def _bending(self, output: Any, place: Place) -> Channel:
         recovery = next(each for each in self.recoveries if each.body == place.body or len(self.recoveries) == 1)
@@ -161,7 +167,7 @@ class _OutputContext:
         assert recovery.base_moment is not None
         return self._channel(
             output, place.label, displacement=(weights @ recovery.bending_moment)[None],
-            base_acceleration=np.array([weights @ recovery.base_moment]),
+            load=self._by_base(np.atleast_1d(weights @ recovery.base_moment)[: len(self.model.base)]),
         )  # fmt: skip
 
     def _reaction(self, path: Path, output: Any) -> Channel:
@@ -220,8 +226,7 @@ class _OutputContext:
 
         if not supports:
             return self._channel(output, place_text)
-        moving = self.model.base or UPWARDS
-        base, displaced = total(lambda force: force.base_forces(moving))
+        by_base = [total(partial(Support.base_forces, motion=motion)) for motion in self.model.base]
         weight = 0.0
         for direction, gravity in gravity_loads(scenario):
             weight -= gravity * sum(factor * force.base_forces(direction)[0] for factor, force in supports)
@@ -236,14 +241,13 @@ class _OutputContext:
             forces = total(partial(Support.force_per_motion, other=moved.support))
             for quantity, force in zip(("displacement", "acceleration", "velocity"), forces, strict=True):
                 load[number[moved.path, quantity]] = force
-        if acting.base is not None and number[acting.base[0], "displacement"] < load.size:
-            load[number[acting.base[0], "displacement"]] = displaced
+        for row, quantity in enumerate(("acceleration", "displacement")):
+            load += self.model.of_base(quantity, np.array([[of[row] for of in by_base]]), load.size)[0]
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
         return self._channel(
             output, place_text,
             acceleration=np.atleast_2d(total(lambda force: force.acceleration @ vectors)),
             velocity=np.atleast_2d(total(lambda force: force.velocity @ vectors)),
-            base_acceleration=np.array([base], dtype=float),
             contact=-(shares(self.contact_sites) * self.contacts.sign)[None],
             load=load[None],
             constant=np.array([weight - dead]),

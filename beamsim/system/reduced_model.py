@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
@@ -122,12 +122,12 @@ class ActingLoads(NamedTuple):
     forces: list[tuple[Path, SingleExcitation]]
     supports: list[tuple[Path, SingleExcitation]]  # moving supports
     stops: list[tuple[Path, SingleExcitation]]  # moving stops
-    base: tuple[Path, SingleExcitation] | None  # None if it is at rest
+    base: list[tuple[Path, SingleExcitation]]  # motions of the base
 
     @classmethod
     def of(cls, scenario: Scenario) -> ActingLoads:
         """The parts of a scenario's excitation; empty without excitation."""
-        forces, supports, stops, base = [], [], [], None
+        forces, supports, stops, base = [], [], [], []
         for place, each in scenario.excitation.items:
             item, on = (("excitation", *place), each), each.applied_to
             if isinstance(on, MovedSupport):
@@ -135,7 +135,7 @@ class ActingLoads(NamedTuple):
             elif isinstance(on, MovedStop):
                 stops.append(item)
             elif each.on_base:
-                base = base or item
+                base.append(item)
             else:
                 forces.append(item)
         return cls(forces, supports, stops, base)
@@ -144,15 +144,14 @@ class ActingLoads(NamedTuple):
     def signals(self) -> dict[tuple[Path, str], int]:
         """Index of each load signal, by the path of its excitation and its quantity.
 
-        The displacement of the base is included only if springs to the ground need it.
+        The displacements of the base, which come last, are included only if something on the ground follows them.
         """
         named = [
             *((path, "force") for path, _ in self.forces),
             *((path, quantity) for path, _ in self.supports for quantity in TRANSLATION_TAKES),
             *((path, "displacement") for path, _ in self.stops),
         ]
-        if self.base is not None:
-            named += [(self.base[0], "acceleration"), (self.base[0], "displacement")]
+        named += [(path, quantity) for quantity in ("acceleration", "displacement") for path, _ in self.base]
         return {key: number for number, key in enumerate(named)}
 
 
@@ -263,7 +262,7 @@ class ReducedModel:
     acting_loads: ActingLoads
     moving_supports: tuple[MovingSupport, ...] = ()  # moving supports
     default_reduction: bool = False  # whether the scenario leaves the number of modes to the program
-    base: BaseDirection | None = field(init=False)  # motion of the base by the excitation; None if it is at rest
+    base: tuple[BaseDirection, ...] = field(init=False)  # (K,) motions of the base by the excitation
     omega: Floats = field(init=False)  # (n,) rad/s
     stiffness: Floats = field(init=False)  # (n,) diagonal of K, rad^2/s^2
     snubber_sites: list[Site] = field(init=False)  # places of the snubbers
@@ -271,7 +270,7 @@ class ReducedModel:
     probe_sites: list[Site] = field(init=False)  # places of the probes
 
     def __post_init__(self) -> None:
-        self.base = base_direction(self.scenario)
+        self.base = base_directions(self.scenario)
         self.omega = np.asarray(self.basis.omega * self.structure.frequency_scale)
         self.stiffness = self.omega**2
         self.snubber_sites = [snubber_site(located) for located in self.scenario.located_snubbers]
@@ -306,14 +305,42 @@ class ReducedModel:
     def recoveries(self, sites: Sequence[LoadSite]) -> tuple[Recovery, ...]:
         """Quantities that can be recovered along each body, with stations at the sites; independent of damping."""
         key, recovered = (self.basis, tuple(sites), self.base), self.structure.recoveries
-        return self.builds.once("recoveries", key, lambda: recovered(self.basis, sites, self.base))
+        if len(self.base) > 1:
+            return self.builds.once("recoveries", key, lambda: self._recoveries(sites))
+        motion = self.base[0] if self.base else None
+        return self.builds.once("recoveries", key, lambda: recovered(self.basis, sites, motion))
+
+    def _recoveries(self, sites: Sequence[LoadSite]) -> tuple[Recovery, ...]:
+        """Recoveries with the moments of several motions of the base, (moments nx, K)."""
+        first, *others = [self.structure.recoveries(self.basis, sites, motion) for motion in self.base]
+        moments = [[each.base_moment for each in bodies] for bodies in zip(first, *others, strict=True)]
+        return tuple(
+            each if of[0] is None else replace(each, base_moment=np.column_stack(of))
+            for each, of in zip(first, moments, strict=True)
+        )
 
     def base_participations(self, sites: Sequence[Site]) -> Floats:
-        """(k,) motion of places for a unit motion of the base; 1 for links, and if the base is at rest."""
-        if self.base is None:
-            return np.ones(len(sites))
-        moved = [1.0 if isinstance(at, Link) else self.structure.base_motion_at(at, self.base) for at in sites]
-        return np.array([1.0 if abs(lever - 1.0) < 1e-9 else lever for lever in moved])
+        """(k, K) motion of places for a unit of each motion of the base; 1 for links."""
+        at_base, moved = self.structure.base_motion_at, np.ones((len(sites), len(self.base)))
+        for row, site in zip(moved, sites, strict=True):
+            if not isinstance(site, Link):
+                row[:] = [at_base(site, motion) for motion in self.base]
+        return np.where(np.abs(moved - 1.0) < 1e-9, 1.0, moved)
+
+    def of_base(self, quantity: str, participations: Floats, signals: int) -> Floats:
+        """(k, L) coefficients of the load signals in rows (k, K) that multiply a quantity of each motion of the base.
+
+        Parameters
+        ----------
+        quantity : acceleration or displacement.
+        participations : (k, K) factors.
+        signals : L; the displacements are not among them if nothing follows these.
+        """
+        rows, number = np.zeros((participations.shape[0], signals)), self.acting_loads.signals
+        for (path, _), factors in zip(self.acting_loads.base, participations.T, strict=True):
+            if (column := number[path, quantity]) < signals:
+                rows[:, column] = factors
+        return rows
 
     def influence(self, signals: int) -> Floats:
         """(k, L) displacement of each snubber's place relative to its mounting, for a unit of each of the load signals.
@@ -408,24 +435,34 @@ def _sensor_places(scenario: Scenario, contacts: Sequence[Site]) -> list[Place]:
 
 def _check_directions(scenario: Scenario, structure: Structure) -> None:
     """Refuse imported matrices that lack the direction of the base motion or of gravity."""
-    asked = {"gravity": [direction for direction, _ in gravity_loads(scenario)]}
-    if (moving := base_direction(scenario)) is not None:
-        asked["excitation.direction"] = [moving]
-    for path, directions in asked.items():
-        for direction in directions:
-            try:
-                structure.base_load(direction)
-                for member in structure.members if direction == moving else ():
-                    member.body.demand_undamped(structure.base_direction_of(member.body.name, direction))
-            except MethodError as error:
-                about = f"= {direction.direction}: {error.about} {error.message}"
-                raise ScenarioError(Problem(path, about, error.remedy)) from None
+    moving, paths = base_directions(scenario), ActingLoads.of(scenario).base
+    asked = [("gravity", direction) for direction, _ in gravity_loads(scenario)]
+    asked += [(path_text((*path, "direction")), motion) for (path, _), motion in zip(paths, moving, strict=True)]
+    for path, direction in asked:
+        try:
+            structure.base_load(direction)
+            for member in structure.members if direction in moving else ():
+                member.body.demand_undamped(structure.base_direction_of(member.body.name, direction))
+        except MethodError as error:
+            about = f"= {direction.direction}: {error.about} {error.message}"
+            raise ScenarioError(Problem(path, about, error.remedy)) from None
 
 
-def base_direction(scenario: Scenario) -> BaseDirection | None:
-    """Motion of the base by the excitation; None if the base is at rest."""
+def base_directions(scenario: Scenario) -> tuple[BaseDirection, ...]:
+    """(K,) motions of the base by the excitation."""
     moving = ActingLoads.of(scenario).base
-    return None if moving is None else _named(scenario, moving[1].direction or "", point_of(moving[1].about))
+    return (*[_named(scenario, each.direction or "", point_of(each.about)) for _, each in moving],)
+
+
+def base_names(scenario: Scenario) -> tuple[str, ...]:
+    """(K,) names of the motions of the base: their directions, numbered if one has several."""
+    own = next(iter(scenario.all_bodies.values())).base_directions[0] or "base"
+    names: list[str] = []
+    for _, each in ActingLoads.of(scenario).base:
+        name = each.direction or own
+        number = 1 + [known.partition(" ")[0] for known in names].count(name)
+        names.append(name if number == 1 else f"{name} {number}")
+    return tuple(names)
 
 
 def output_direction(scenario: Scenario, output: Any) -> BaseDirection:

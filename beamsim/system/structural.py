@@ -25,7 +25,7 @@ from beamsim.contacts.laws import PENETRATION, RATE
 from beamsim.contacts.sliders import drops
 from beamsim.contacts.snubbers import FRICTION, SpringInfo
 from beamsim.inputs.drift import CorrectionSize
-from beamsim.inputs.signal import Signal
+from beamsim.inputs.excitation import BaseMotion
 from beamsim.inputs.statements import InputStatement
 from beamsim.labelled import Dataset, Layout, Variable
 from beamsim.outcomes import first_of
@@ -49,7 +49,7 @@ from beamsim.system.equations import (
     Sizes,
     StateEquations,
 )
-from beamsim.system.reduced_model import ReducedModel, base_direction, force_sites, gravity_loads
+from beamsim.system.reduced_model import ReducedModel, force_sites, gravity_loads
 from beamsim.typing import Floats, Ints
 
 DISTINCT_RATIO_FACTOR = 1.3  # factor between damping ratios that count as different
@@ -66,7 +66,7 @@ class ProbeRow:
     position: float  # m along the beam, x on a plate; the mass number for a chain
     position_y: float | None  # m, y on a plate
     shape: Floats  # (n,) deflection for a unit of each coordinate, 1/sqrt(kg)
-    base_influence: float = 1.0  # absolute motion for a unit motion of the base
+    base_influence: Floats  # (K,) absolute motion for a unit of each motion of the base
 
 
 FORCE_UNITS = {"m": "N", "rad": "N m"}  # by unit of the corresponding motion
@@ -215,9 +215,7 @@ class StructuralSystem:
     forcing: Forcing
     initial_state: Floats  # (N,) q, q', then the internal states of the contacts
     probes: tuple[ProbeRow, ...]
-    base_acceleration: Signal | None  # m/s^2; None where the base is at rest
-    base_velocity: Signal | None  # m/s
-    base_displacement: Signal | None  # m
+    base: tuple[BaseMotion, ...]  # (K,) motions of the base; none where it is at rest
     snubbers: tuple[SnubberInfo, ...]
     bodies: tuple[Recovery, ...]  # quantities recovered along each body
     stops: Contacts  # the snubbers alone
@@ -235,7 +233,7 @@ class StructuralSystem:
 
     # derived fields
     scenario: Scenario = field(init=False)  # the scenario of the system
-    base_influence: Floats = field(init=False)  # (probes,) absolute motion for a unit motion of the base
+    base_influence: Floats = field(init=False)  # (probes, K) absolute motion for a unit of each motion of the base
     kept_modes: int = field(init=False)  # number of modes in the reduced model
     open_frequencies_hz: Floats = field(init=False)  # (n,) natural frequencies with every contact open
     stations: Stations = field(init=False)  # points with known mode shapes
@@ -243,9 +241,10 @@ class StructuralSystem:
     stress: StressRows | None = field(init=False)  # bending stress along the bodies; None if no body has one
 
     def __post_init__(self) -> None:
-        moving, none = self.base_acceleration is not None, np.zeros((0, self.model.basis.size))
+        none = np.zeros((0, self.model.basis.size))
         self.scenario, self.kept_modes = self.model.scenario, self.model.basis.modes
-        self.base_influence = np.array([probe.base_influence if moving else 0.0 for probe in self.probes])
+        influences = [probe.base_influence for probe in self.probes]
+        self.base_influence = np.array(influences).reshape(len(influences), len(self.base))
         self.open_frequencies_hz = self.model.omega / (2 * np.pi)
         self.stations = Stations.of_recoveries(self.bodies)
         self.deflection = np.vstack([none, *(body.deflection for body in self.bodies)])
@@ -332,7 +331,9 @@ class StructuralSystem:
             channels += _of_springs(self, sizes)
         channels += self.outputs
         if (stress := self.stress) is not None:
-            rows = sizes.rows(stress.row.shape[0], displacement=stress.row, base_acceleration=stress.base)
+            by_base = stress.base.reshape(stress.row.shape[0], -1)[:, : len(self.base)]
+            by_base = self.model.of_base("acceleration", by_base, sizes.signals)
+            rows = sizes.rows(stress.row.shape[0], displacement=stress.row, load=by_base)
             channels.append(Channel("bodies", "", "bending_stress", "Pa", rows))
         return ChannelSet(tuple(channels), sizes)
 
@@ -353,8 +354,9 @@ class StructuralSystem:
 
 def _of_probes(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     channels = []
-    for probe, base_influence in zip(system.probes, system.base_influence, strict=True):
-        acceleration = sizes.rows(1, acceleration=probe.shape, base_acceleration=base_influence)
+    for probe in system.probes:
+        by_base = system.model.of_base("acceleration", probe.base_influence[None], sizes.signals)
+        acceleration = sizes.rows(1, acceleration=probe.shape, load=by_base)
         channels += [
             Channel("probes", probe.name, "displacement", "m", sizes.rows(1, displacement=probe.shape)),
             Channel("probes", probe.name, "velocity", "m/s", sizes.rows(1, velocity=probe.shape)),
@@ -368,10 +370,9 @@ def _of_snubbers(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
     unit = np.eye(contacts.count)
     for j, snubber in enumerate(system.snubbers):
         sign, shape = contacts.sign[j], contacts.shape[j]
-        penetration = sizes.rows(1, displacement=-sign * shape, constant=-contacts.gap[j],
-            base_displacement=-sign * contacts.base_influence[j],
-            load=0.0 if influence is None else -sign * influence[j],
-        )  # fmt: skip
+        moved = system.model.of_base("displacement", contacts.base_influence[j : j + 1], sizes.signals)
+        moved += 0.0 if influence is None else influence[j]
+        penetration = sizes.rows(1, displacement=-sign * shape, constant=-contacts.gap[j], load=-sign * moved)
         way, force = snubber.gap_unit, sizes.rows(1, contact=unit[j])
         holds = contacts.laws[j].latches
         channels += [
@@ -397,10 +398,11 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
             for part in (spring.law.one_sided_springs if split else None) or (None,):
                 of_contacts[contact] = 1.0 if part is None else part.direction
                 contact += 1
-        force = sizes.rows(1, displacement=spring.linear * spring.shape,
-            base_displacement=spring.linear * spring.base_influence, contact=of_contacts, cubic=pull,
+        moved = system.model.of_base("displacement", spring.base_influence[None], sizes.signals)
+        force = sizes.rows(1, displacement=spring.linear * spring.shape, load=spring.linear * moved,
+            contact=of_contacts, cubic=pull,
         )  # fmt: skip
-        extension = sizes.rows(1, displacement=spring.shape, base_displacement=spring.base_influence)
+        extension = sizes.rows(1, displacement=spring.shape, load=moved)
         section = "friction" if spring.kind == "friction" else "springs"
         channels += [
             Channel(section, spring.name, "extension", spring.gap_unit, extension),
@@ -484,10 +486,7 @@ def _loads(model: ReducedModel) -> Floats:
     """(m, N) rows of contacts and forces, and inertia loads for base motion or gravity."""
     scenario, structure = model.scenario, model.structure
     rows = structure.rows([*model.snubber_sites, *model.spring_sites, *force_sites(scenario)])
-    moving = base_direction(scenario)
-    directions = dict.fromkeys(direction for direction, _ in gravity_loads(scenario))
-    if moving is not None:
-        directions = {moving: None} | directions
+    directions = dict.fromkeys((*model.base, *(direction for direction, _ in gravity_loads(scenario))))
     moved = [each.pattern(structure).vector for each in model.moving_supports]
     return np.vstack([rows, *moved, *(structure.base_load(direction)[0] for direction in directions)])
 

@@ -133,7 +133,7 @@ def test_what_follows_the_base_by_a_stop_far_stiffer_than_itself(dashpot):
     contacts = Contacts(np.array([shape]), np.ones(1), np.array([-1.0]), np.ones(1, dtype=bool),
                         (kelvin_voigt(spring, dashpot),))  # fmt: skip
     system = PiecewiseLinearSystem(np.array(stiffness), np.zeros((3, 3)), contacts, np.zeros(3))
-    flow = ExactFlow(system, Forcing(np.zeros((0, 3)), (), Signal.harmonic(1.0, omega)), 0.5)
+    flow = ExactFlow(system, Forcing(np.zeros((1, 3)), (Signal.harmonic(1.0, omega),), (0,)), 0.5)
     state = flow.states[flow.state_index(np.ones(1, dtype=np.int64))]
     found = state.forced_at_start[1, :3]
 

@@ -101,8 +101,8 @@ def test_ground_stands_still_when_the_walls_move():
     s = system(chain, excitation=motion)
     # Relative q = -shape^-1 d keeps the absolute displacement at zero: q'' + K q = loads must hold along it.
     t = np.linspace(0, 20, 50)
-    q = -s.base_displacement(t) / s.probes[0].shape[0]
-    acceleration = -s.base_acceleration(t) / s.probes[0].shape[0]
+    q = -s.base[0].displacement(t) / s.probes[0].shape[0]
+    acceleration = -s.base[0].acceleration(t) / s.probes[0].shape[0]
     loads = sum(row[0] * signal(t) for row, signal in zip(s.forcing.load, s.forcing.signal, strict=True))
     np.testing.assert_allclose(acceleration + s.dynamics.stiffness[0] * q, loads, atol=1e-13)
 

@@ -36,7 +36,7 @@ def test_harmonic_base_motion_has_no_drift(quantity):
         # Each integration divides by omega and turns the phase back by a right angle.
         by = order - chain[quantity]
         expected = 3.0 * w**-by * np.sin(w * T + 0.4 - by * np.pi / 2)
-        np.testing.assert_allclose(getattr(s, f"base_{name}")(T), expected, rtol=0, atol=1e-12 * 3.0 * w**-by)
+        np.testing.assert_allclose(getattr(s.base[0], name)(T), expected, rtol=0, atol=1e-12 * 3.0 * w**-by)
     assert s.excitation_frequency_hz == 7.0
 
 
@@ -45,7 +45,7 @@ def test_multi_tone_is_the_sum_of_its_tones():
     s = system({"kind": "multi_tone", "applied_to": "base", "quantity": "acceleration", "tones": tones})
     w = 2 * np.pi * np.array([5.0, 11.0])
     expected = -np.sin(w[0] * T) / w[0] ** 2 - 2 * np.sin(w[1] * T + 1.0) / w[1] ** 2
-    np.testing.assert_allclose(s.base_displacement(T), expected, atol=1e-15)
+    np.testing.assert_allclose(s.base[0].displacement(T), expected, atol=1e-15)
     assert np.isnan(s.excitation_frequency_hz)
 
 
@@ -53,9 +53,9 @@ def test_multi_tone_is_the_sum_of_its_tones():
 def test_step_of_base_acceleration_starts_from_rest(time):
     s = system({"kind": "step", "applied_to": "base", "level": 4.0, "time": time})
     after = np.maximum(T - time, 0)
-    np.testing.assert_array_equal(s.base_acceleration(T), np.where(time <= T, 4.0, 0.0))
-    np.testing.assert_allclose(s.base_velocity(T), 4.0 * after, atol=1e-14)
-    np.testing.assert_allclose(s.base_displacement(T), 2.0 * after**2, atol=1e-14)
+    np.testing.assert_array_equal(s.base[0].acceleration(T), np.where(time <= T, 4.0, 0.0))
+    np.testing.assert_allclose(s.base[0].velocity(T), 4.0 * after, atol=1e-14)
+    np.testing.assert_allclose(s.base[0].displacement(T), 2.0 * after**2, atol=1e-14)
     assert np.isnan(s.excitation_frequency_hz)
 
 
@@ -66,17 +66,17 @@ def test_half_sine_of_base_acceleration_leaves_a_velocity(time):
     tau = np.clip(T - time, 0, 0.02)
     velocity = 4.0 / w * (1 - np.cos(w * tau))
     displacement = 4.0 / w * (tau - np.sin(w * tau) / w) + velocity * np.maximum(T - time - 0.02, 0)
-    np.testing.assert_allclose(s.base_acceleration(T), 4.0 * np.sin(w * tau) * (tau < 0.02), atol=1e-13)
-    np.testing.assert_allclose(s.base_velocity(T), velocity, atol=1e-14)
-    np.testing.assert_allclose(s.base_displacement(T), displacement, atol=1e-14)
+    np.testing.assert_allclose(s.base[0].acceleration(T), 4.0 * np.sin(w * tau) * (tau < 0.02), atol=1e-13)
+    np.testing.assert_allclose(s.base[0].velocity(T), velocity, atol=1e-14)
+    np.testing.assert_allclose(s.base[0].displacement(T), displacement, atol=1e-14)
 
 
 def test_half_sine_of_base_velocity():
     pulse = {"kind": "half_sine", "applied_to": "base", "level": 0.5, "duration": 0.04, "quantity": "velocity"}
     s = system({**pulse, "time": 0.01})
     w, inside = np.pi / 0.04, (T >= 0.01) & (T < 0.05)
-    np.testing.assert_allclose(s.base_acceleration(T), 0.5 * w * np.cos(w * (T - 0.01)) * inside, atol=1e-12)
-    assert s.base_displacement(T)[-1] == pytest.approx(2 * 0.5 / w)
+    np.testing.assert_allclose(s.base[0].acceleration(T), 0.5 * w * np.cos(w * (T - 0.01)) * inside, atol=1e-12)
+    assert s.base[0].displacement(T)[-1] == pytest.approx(2 * 0.5 / w)
 
 
 PULSES = {  # share of the duration, where the pulse has which share of its level; the velocity it leaves
@@ -99,8 +99,8 @@ def test_pulses_of_straight_pieces(name, time):
     inside = (t >= time) & (t < time + 0.02)
     expected = 4.0 * np.interp((t - time) / 0.02, share, height) * inside
     away = np.abs((t - time) / 0.02 - 1.0) > 1e-9  # where a pulse may jump
-    np.testing.assert_allclose(s.base_acceleration(t)[away], expected[away], atol=1e-12)
-    assert s.base_velocity(np.array([time + 0.05]))[0] == pytest.approx(4.0 * area * 0.02)
+    np.testing.assert_allclose(s.base[0].acceleration(t)[away], expected[away], atol=1e-12)
+    assert s.base[0].velocity(np.array([time + 0.05]))[0] == pytest.approx(4.0 * area * 0.02)
 
 
 def test_steady_base_acceleration_bends_like_gravity():

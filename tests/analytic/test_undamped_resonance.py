@@ -23,7 +23,7 @@ def flow_of(make_system, omega, law="spring", stiffness=30.0, level=1.0):
     system = make_system(OMEGA, np.zeros(2), shape=[[1.0, 0.6]], stiffness=stiffness, gap=1.0, sign=-1.0, **LAWS[law])
     base = 0.1j if law == "ground" else 0j
     forcing = PeriodicForcing(
-        np.ones(1, dtype=np.int64), -1j * FORCE[None, :], np.zeros(1), np.array([base]), np.array([-2.0]), 1.0
+        np.ones(1, dtype=np.int64), -1j * FORCE[None, :], np.zeros(1), np.array([[base]]), np.array([-2.0]), 1.0
     )
     return VariationalFlow(system, forcing, omega, level)
 

@@ -41,7 +41,8 @@ def six(make_system):
 def harmonic(load):
     """Re(load e^{i omega t})."""
     none = np.zeros(1)
-    return PeriodicForcing(np.ones(1, dtype=int), np.asarray(load, dtype=complex)[None, :], none, none + 0j, none, 1.0)
+    at_rest = np.zeros((1, 0), dtype=complex)
+    return PeriodicForcing(np.ones(1, dtype=int), np.asarray(load, dtype=complex)[None, :], none, at_rest, none, 1.0)
 
 
 def steady_motion(system, load, omega, guess):

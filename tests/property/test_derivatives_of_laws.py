@@ -59,7 +59,7 @@ class Case(NamedTuple):
         return VariationalFlow(system, PeriodicForcing(np.array([1]), force, *STILL, OMEGA), omega, 1.0)
 
 
-STILL = np.zeros(1), np.zeros(1, dtype=complex), np.zeros(1)  # the base
+STILL = np.zeros(1), np.zeros((1, 0), dtype=complex), np.zeros(1)  # the base
 PERIOD = 2 * np.pi / OMEGA
 
 

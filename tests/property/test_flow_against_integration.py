@@ -73,7 +73,7 @@ def random_structure(make_system, two_tones, case, rigid):
     system = make_system(omega, 0.02 * omega, constant, **contacts)
     acceleration, displacement = two_tones
     load = rng.normal(size=n)
-    flow = ExactFlow(system, Forcing(load[None], (acceleration,), displacement), duration)
+    flow = ExactFlow(system, Forcing(np.vstack([load, 0.0 * load]), (acceleration, displacement), (1,)), duration)
     start = 0.5 * rng.normal(size=2 * n)
     structure = modal(omega, 0.02 * omega)
     return flow, structure, contacts, lambda t: constant + load * acceleration_at(t), start, duration, base_at

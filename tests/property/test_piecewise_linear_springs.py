@@ -184,7 +184,7 @@ def random_smooth_system(rng, n=3, m=2):
     system = PiecewiseLinearSystem(stiffness, damping, contacts, np.zeros(n))
     loads = PeriodicForcing(
         np.array([1, 2]), 0.3 * (rng.normal(size=(2, n)) + 1j * rng.normal(size=(2, n))), np.array([0.0, 1.0]),
-        np.array([0.2 - 0.1j, 0.05j]), np.array([-2.0, 0.0]), 1.3,
+        np.array([[0.2 - 0.1j], [0.05j]]), np.array([-2.0, 0.0]), 1.3,
     )  # fmt: skip
     return system, rng.normal(size=(2, n)), np.array([0.8, 0.3]), loads
 
@@ -198,13 +198,13 @@ def test_cubic_springs_and_contacts_on_the_ground_under_base_motion(seed):
     start = 0.3 * rng.normal(size=2 * n)
 
     def flow(w=omega, level=1.4):
-        return SmoothFlow(system, loads, w, level, springs=CubicSprings(shape, cubic, on_ground.astype(float)))
+        return SmoothFlow(system, loads, w, level, springs=CubicSprings(shape, cubic, on_ground.astype(float)[:, None]))
 
     def rhs(t, y, felt=on_ground):
         q, v = y[:n], y[n:]
         force, base, _, _ = loads.at(omega, 1.4)
         wave = np.exp(1j * loads.multiple * omega * t)
-        d, rate = (base * wave).sum().real, (1j * loads.multiple * omega * base * wave).sum().real
+        d, rate = (base[:, 0] @ wave).real, (base[:, 0] @ (1j * loads.multiple * omega * wave)).real
         delta, speed = -c.gap - c.sign * (c.shape @ q + d), -c.sign * (c.shape @ v + rate)
         push = np.where(delta > 0, c.stiffness * delta + c.dashpot * speed, 0.0)
         a = (force * wave[:, None]).sum(axis=0).real - system.stiffness * q - system.damping @ v

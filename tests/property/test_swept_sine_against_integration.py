@@ -66,13 +66,12 @@ def integrate(system, load, force, base, start, cuts, times):
 class Swept:
     """The motion through a sweep, with outputs of each cycle, and its states at times."""
 
-    def __init__(
-        self, system, load, windows, start, *, on_ground=False, observed=False, output_of=None, orders=(), **limits
-    ):
+    def __init__(self, system, load, windows, start, *, on_ground=False, output_of=None, orders=(), **limits):
         def loads(windows, carrier):
             acceleration, *others = swept_signals(windows, carrier)
-            base = others[-1] if on_ground else None
-            return Forcing(load[None], (acceleration,), base), (acceleration,) if observed else ()
+            if not on_ground:
+                return Forcing(load[None], (acceleration,))
+            return Forcing(np.vstack([load, 0.0 * load]), (acceleration, others[-1]), (1,))
 
         self.windows, self.output_of = windows, output_of or (lambda flow: lambda phases: flow.equations.rows(0))
         self.march = SweptMotion(system, loads, windows, start, **limits)
@@ -227,11 +226,9 @@ def outputs(shape):
         none, first, last = np.zeros((k + m, shape.shape[1])), slice(k), slice(k + m, None)
         moved, accelerated, contact = np.vstack([none, 0.0 * shape]), np.vstack([none, shape]), np.zeros((2 * k + m, m))
         moved[first], contact[k : k + m] = shape, np.eye(m)
-        carried = np.zeros(2 * k + m)
-        carried[last] = 1.0
-        return rows(
-            flow, 2 * k + m, displacement=moved, acceleration=accelerated, contact=contact, base_acceleration=carried
-        )
+        carried = np.zeros((2 * k + m, len(flow.forcing.signal)))
+        carried[last, 0] = 1.0  # the acceleration of the base is the first signal
+        return rows(flow, 2 * k + m, displacement=moved, acceleration=accelerated, contact=contact, load=carried)
 
     return of_flow
 
@@ -249,7 +246,7 @@ def test_envelopes_and_harmonics_of_cycles_against_dense_samples(make_system, ri
     windows = cut_into_windows(legs, Profile.constant(0.3))
     out = outputs(probe[None])
     orders = [0.0, 0.5, 1.0, 2.0, 3.0]
-    swept = Swept(system, loaded, windows, np.zeros(2 * omega.size), observed=True, output_of=out, orders=orders)
+    swept = Swept(system, loaded, windows, np.zeros(2 * omega.size), output_of=out, orders=orders)
     record = swept.record
     assert swept.events > 0
     node, weight = np.polynomial.legendre.leggauss(12)

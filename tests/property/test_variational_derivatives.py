@@ -30,7 +30,7 @@ def forcing(base=0.0):
         np.array([1, 3]),
         np.array([[0.4 - 0.2j, 0.3, 0.1j], [0.1, 0.2j, -0.3]]),
         np.array([0.0, 1.0]),
-        np.array([base * (0.05 + 0.02j), 0.01 * base]),
+        np.array([[base * (0.05 + 0.02j)], [0.01 * base]]),
         np.array([-2.0, 0.0]),
         1.1,
     )

@@ -200,7 +200,7 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
         on_ground=on_ground
     )  # fmt: skip
     loads = PeriodicForcing(
-        np.ones(1, dtype=np.int64), -0.1j * V[1:2], np.zeros(1), np.array([0.05 + 0.02j]), np.array([-2.0]), 1.0
+        np.ones(1, dtype=np.int64), -0.1j * V[1:2], np.zeros(1), np.array([[0.05 + 0.02j]]), np.array([-2.0]), 1.0
     )
     flow = VariationalFlow(system, loads, 0.7)
     orbits = ForcedOrbits(flow)

@@ -77,7 +77,7 @@ def general_case(make_system, n=4, coupled=True):
         dashpot=[0.3, 0.1], gap=[0.1, -0.2], sign=[1.0, -1.0], on_ground=[True, False],
     )  # fmt: skip
     forcing = PeriodicForcing(
-        np.array([1, 3]), rng.normal(size=(2, n)) + 0j, np.array([2.0, 0.0]), np.array([0.3, 0.2j]),
+        np.array([1, 3]), rng.normal(size=(2, n)) + 0j, np.array([2.0, 0.0]), np.array([[0.3], [0.2j]]),
         np.array([-2.0, 0.0]), 1.3,
     )  # fmt: skip
     return system, forcing, CubicSprings(rng.normal(size=(1, n)), np.array([0.4]))

@@ -171,7 +171,7 @@ def _refuse(system: StructuralSystem) -> None:
         why = "needs one-sided springs, but this structure has a cubic one"
     elif contacts.count == 0:
         why = "needs a one-sided spring"
-    elif system.forcing.base_displacement is not None and np.any(contacts.base_influence):
+    elif system.forcing.base_displacements and np.any(contacts.base_influence):
         why = "needs forces, but the base also pushes through a snubber on the ground"
     elif not contacts.one_sided:
         why = "needs Kelvin-Voigt snubbers, but the dashpot of a snubber never pulls here"
@@ -287,7 +287,8 @@ def _difference(
     none, n = np.zeros(1), system.dynamics.size
     omega = resonant.omega + factor * motion.sigma
     load = np.array(factor * resonant.load[None, :], dtype=np.complex128)
-    loads = PeriodicForcing(np.ones(1, dtype=np.int64), load, none, none.astype(np.complex128), none, omega)
+    at_rest = np.zeros((1, 0), dtype=np.complex128)
+    loads = PeriodicForcing(np.ones(1, dtype=np.int64), load, none, at_rest, none, omega)
     problem = ForcedOrbits(VariationalFlow(weaken(system.dynamics, factor), loads, omega))
     orders = [resonant.response(motion, factor, order) for order in (0, 1)]
     guess = np.zeros(problem.flow.size)

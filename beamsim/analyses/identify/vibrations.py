@@ -819,8 +819,7 @@ def steady_vibration(
             f"no vibration that repeats after {count_text(excitation_periods, 'period')} of the excitation "
             f"({system.excitation_frequency_hz:g} Hz) was found"
         )
-    base = () if system.base_acceleration is None else (system.base_acceleration,)
-    exact = ExactFlow(system.dynamics, system.forcing, point.data.duration, base)
+    exact = ExactFlow(system.dynamics, system.forcing, point.data.duration)
     motion = point.data.trajectory(exact)
     return SteadyVibration(system, motion, point.data.event_time.size > 0, point.u[:-1])
 

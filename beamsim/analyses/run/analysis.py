@@ -245,9 +245,10 @@ def _requested_results(
         notes += _shock_response(motion, settings.srs, needed, evaluation, datasets)
     if settings.sensitivities:
         notes += _sensitivities(motion, evaluation, datasets)
-    if (matched := ActingLoads.of(scenario).base) is not None and isinstance(matched[1], MatchedInput):
-        datasets["matched"] = matched_spectrum(system, matched[0], matched[1])
-        notes += _misfit(datasets["matched"])
+    for path, matched in ActingLoads.of(scenario).base:
+        if isinstance(matched, MatchedInput):
+            datasets["matched"] = matched_spectrum(system, path, matched)
+            notes += _misfit(datasets["matched"])
     fields["datasets"] = result.datasets | datasets
     return fields, notes
 

@@ -20,6 +20,7 @@ from beamsim.labelled import Dataset
 from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, hinge_key, largest
 from beamsim.scenario.connections import HingeElement
+from beamsim.system.reduced_model import base_names
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Floats
 
@@ -47,19 +48,20 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
     -------
     By name.
     """
-    system, time, none = motion.system, histories.time, np.zeros(histories.time.size)
-    turning = any(each.on_base and each.rotates for _, each in system.scenario.excitation.items)
+    system, time = motion.system, histories.time
     friction = [each.item for each in system.scenario.listed("friction")]
     sliding = _sliding_by_contact(motion, evaluation) if friction else []
-    base = none if system.base_displacement is None else system.base_displacement(time)
+    base = np.array([moved.displacement(time) for moved in system.base]).reshape(-1, time.size)
     values: dict[str, Any] = {
         "time": time,
-        "base_acceleration": none if system.base_acceleration is None else system.base_acceleration(time),
-        "base_displacement": base,
         "energy_work_in": histories.energy.input_work,
         "energy_dissipated": histories.energy.dissipated,
         "energy_stored": histories.energy.stored,
     }
+    if system.base:
+        accelerations = np.array([moved.acceleration(time) for moved in system.base])
+        names = list(base_names(system.scenario))
+        values |= {"base_motion": names, "base_acceleration": accelerations, "base_displacement": base}
     if system.probes:
         values |= _probe_histories(motion, histories, base)
     if system.snubbers:
@@ -74,8 +76,9 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         "snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers],
         "friction": [contact_units("rad" if isinstance(each, HingeElement) else "m") for each in friction],
         "output": [{"unit": each.unit, "quantity": each.quantity} for each in system.outputs],
+        "base_motion": [{"base_unit": "rad" if each.rotates else "m"} for _, each in system.model.acting_loads.base],
     }
-    datasets = {"histories": HISTORIES.dataset(values, of_members, base_unit="rad" if turning else "m")}
+    datasets = {"histories": HISTORIES.dataset(values, of_members)}
     if rows := [(k, row) for k, of in enumerate(sliding) for row in of.get("intervals", ())]:
         datasets["friction_intervals"] = _friction_intervals(rows)
     return datasets
@@ -107,7 +110,7 @@ def _numbers_or_none(values: Sequence[float | None]) -> Floats | None:
 
 
 def _probe_histories(motion: RunMotion, histories: Histories, base: Floats) -> dict[str, Any]:
-    """Histories of the probes; ``base`` is the base displacement (nt,), m."""
+    """Histories of the probes; ``base`` are the displacements of the base (K, nt), m."""
     system, probes, displacement = motion.system, motion.system.probes, histories.of(DISPLACEMENT).T
     bodies = system.scenario.bodies_of_places["probes"] if len(system.scenario.all_bodies) > 1 else {}
     return {
@@ -116,10 +119,10 @@ def _probe_histories(motion: RunMotion, histories: Histories, base: Floats) -> d
         "position": [probe.position for probe in probes],
         "position_y": _numbers_or_none([probe.position_y for probe in probes]),
         "displacement": displacement,
-        "absolute_displacement": displacement + system.base_influence[:, None] * base,
+        "absolute_displacement": displacement + system.base_influence @ base,
         "velocity": histories.of(("probes", "velocity")).T,
         "absolute_acceleration": histories.of(("probes", "absolute_acceleration")).T,
-        "low_passed_acceleration": None if motion.low_passed is None else motion.low_passed[: base.size].T,
+        "low_passed_acceleration": None if motion.low_passed is None else motion.low_passed[: base.shape[1]].T,
     }
 
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from beamsim.labelled import ROW, Layout, Variable
 
-_TIME, _PROBE, _SNUBBER, _SPRING, _FRICTION, _OUTPUT = (
-    ("time",), ("probe",), ("snubber",), ("spring",), ("friction",), ("output",)
+_TIME, _BASE, _PROBE, _SNUBBER, _SPRING, _FRICTION, _OUTPUT = (
+    ("time",), ("base_motion",), ("probe",), ("snubber",), ("spring",), ("friction",), ("output",)
 )  # fmt: skip
 HISTORIES = Layout(
     "histories",
     "Everything at the output times, and the numbers that describe each place.",
     {
         "time": Variable(_TIME, "s", "time"),
-        "base_acceleration": Variable(_TIME, "{base_unit}/s^2", "acceleration of the base", optional=True),
-        "base_displacement": Variable(_TIME, "{base_unit}", "displacement of the base", optional=True),
+        "base_motion": Variable(_BASE, "1", "direction of the motion of the base", str, optional=True),
+        "base_acceleration": Variable(
+            _BASE + _TIME, "{base_unit}/s^2", "acceleration of the base", optional=True
+        ),
+        "base_displacement": Variable(_BASE + _TIME, "{base_unit}", "displacement of the base", optional=True),
         "energy_work_in": Variable(
             _TIME, "J", "work done on the structure by the excitation, in the relative frame", optional=True
         ),

@@ -34,6 +34,8 @@ from beamsim.flow.transient import simulate
 from beamsim.inputs.density import SpectralDensity, clipped_mean_square, density_of
 from beamsim.outcomes import check_stop
 from beamsim.responses.gapping import (
+    accelerations_by_base,
+    moved_by_base,
     order_by_level,
     pressed_phases,
     static_penetration,
@@ -73,7 +75,7 @@ def linear_input(system: StructuralSystem) -> LinearInput | None:
     None also without a snubber, or with a nonlinear spring or friction.
     """
     excitation = system.scenario.excitation
-    alone = system.base_acceleration is not None or system.forcing.load.shape[0] == 1
+    alone = bool(system.base) or system.forcing.load.shape[0] == 1
     linear = system.cubic is None and not system.springs and not system.dynamics.contacts.any_sticks_rigidly
     resting = system.forcing.influence is None  # stops move only with the base
     if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
@@ -157,11 +159,15 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
     moved = transfer(system, frequency, phases)
     displacement = moved @ rows.T
     extension = moved @ contacts.shape.T
-    if system.base_acceleration is not None:
-        extension = extension - contacts.base_influence / omega**2
+    extension = extension + moved_by_base(system, omega[:, 0])
     force = (contacts.dynamic_stiffness(phases, omega[:, 0]) * extension)[:, snubbers]
     responses = np.hstack(
-        [displacement, system.base_influence - omega**2 * displacement, force, extension[:, snubbers]]
+        [
+            displacement,
+            accelerations_by_base(system, frequency) - omega**2 * displacement,
+            force,
+            extension[:, snubbers],
+        ]
     )
     return np.asarray(np.abs(responses) ** 2)
 

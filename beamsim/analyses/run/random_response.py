@@ -114,7 +114,7 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
         return None
     record = StationaryRecord(result, system, found)
     entered = _input_of(system, result["histories"])
-    shaken, alone = system.base_acceleration is not None, len(result.scenario.excitation.items) == 1
+    shaken, alone = bool(system.base), len(result.scenario.excitation.items) == 1
     signals, of_probes = [record.statistics(entered)], dict[str, tuple[Complexes, Floats]]()
     for signal in _responses(result, motion):
         check_stop()
@@ -247,9 +247,9 @@ def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
     """Analysed input: that of the base, or else the first force or support."""
     acting = ActingLoads.of(system.scenario)
-    _, shown = acting.base or (*acting.forces, *acting.supports)[0]
-    shaken = system.base_acceleration is not None
-    history = histories["base_acceleration"].values if shaken else system.forcing.signal[0](histories["time"].values)
+    _, shown = (*acting.base, *acting.forces, *acting.supports)[0]
+    times = histories["time"].values
+    history = histories["base_acceleration"].values[0] if acting.base else system.forcing.signal[0](times)
     quantity = str(shown.level_quantities[0])
     return StationarySignal("excitation", "input", quantity, amplitude_unit(quantity), history)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +20,11 @@ from beamsim.results.values import ACCELERATION
 from beamsim.scenario.base import Path
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
+from beamsim.scenario.reporting import INPUT
 from beamsim.signals.filters import Signal, geomspaced, shock_spectra, smooth_intervals
 from beamsim.structures.places import UPWARDS, Link
 from beamsim.structures.support_forces import supports_of
+from beamsim.system.reduced_model import base_names
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
@@ -92,17 +95,21 @@ def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], 
 
     A support moves with the base and relative to it.
     """
-    of_base, model = system.base_acceleration, system.model
-    if of_base is not None:
-        yield ("input", "acceleration"), [(1.0, of_base)]
-    supports = supports_of(model.structure, model.base or UPWARDS)
-    levers = {(each.body, each.name, each.direction): each.base_motion for each in supports}
+    model = system.model
+    names, moved_base = base_names(system.scenario), [moved.acceleration for moved in system.base]
+    for name, base, (_, driven) in zip(names, moved_base, model.acting_loads.base, strict=True):
+        if not driven.rotates or len(names) == 1:
+            yield (INPUT if len(names) == 1 else f"{INPUT} {name}", "acceleration"), [(1.0, base)]
+    levers: dict[Any, list[float]] = {}
+    for motion in model.base or (UPWARDS,):
+        for each in supports_of(model.structure, motion):
+            levers.setdefault((each.body, each.name, each.direction), []).append(each.base_motion)
     moving: dict[str, list[tuple[float, Pieces]]] = {}
     for moved in model.moving_supports:
         support, own = moved.support, system.forcing.signal[model.acting_loads.signals[moved.path, "acceleration"]]
         at, lever = moved.excitation.applied_to, levers.get((support.body, support.name, support.direction))
         if isinstance(at, MovedSupport) and not at.rotates and lever is not None and not isinstance(support.site, Link):
-            with_base = [(lever, of_base)] if of_base is not None and lever else []
+            with_base = [(share, base) for share, base in zip(lever, moved_base, strict=False) if share]
             moving.setdefault(at.label, with_base).append((1.0, own))
     yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
 
@@ -114,7 +121,8 @@ def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedIn
     """
     at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
     frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
-    base = not_none(system.base_acceleration)
+    paths = [at for at, _ in system.model.acting_loads.base]
+    base = system.base[paths.index(path)].acceleration
     peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
     target, reached = on_curve(frequency, at, value), peaks[0].max(axis=0)
     misfit = 20.0 * np.log10(reached / target)

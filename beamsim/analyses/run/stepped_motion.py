@@ -102,8 +102,7 @@ def _energies(system: StructuralSystem, flow: ExactFlow, trajectory: ReferenceTr
     penetration = flow.outputs_of_states(at, y, phases, lambda _: flow.equations.penetration)
     stored = stored_energy(flow.system, y, penetration, phases)
     if system.cubic is not None:
-        base = 0.0 if system.base_displacement is None else system.base_displacement(at)
-        extension = system.cubic.extension(y[:, : system.dynamics.size], base)
+        extension = system.cubic.extension(y[:, : system.dynamics.size], flow.forcing.base_at(at))
         stored = stored + 0.25 * extension**4 @ system.cubic.stiffness
     return EnergyHistory(trajectory.input_work, trajectory.dissipated, stored)
 

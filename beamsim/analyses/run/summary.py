@@ -407,8 +407,9 @@ def _without_round_off(
             peak, (low, _, high, _) = largest(extremes[ACCELERATION]), extremes[DISPLACEMENT]
             first_hz = min((f for f in system.open_frequencies_hz if f > 0.0), default=0.0)
             rests = still & (peak <= ROUND_OFF * size * (2.0 * np.pi * first_hz) ** 2)
-            base = system.base_acceleration
-            if base is None or (common_record((base,)) is None and not base.coefficient.any()):
+            base = [moved.acceleration for moved in system.base]
+            records = [of for of in base if common_record((of,)) is not None]
+            if not (records or [of for of in base if of.coefficient.any()]):
                 unmoved, speed = high - low <= ROUND_OFF * size, PRECISION * size * system.dynamics.fastest
                 rests |= unmoved & (peak <= speed * system.dynamics.fastest)
                 if system.outputs and unmoved.all():

@@ -34,6 +34,7 @@ from beamsim.inputs.measured import read_profile
 from beamsim.labelled import Dataset, join_tables
 from beamsim.outcomes import Outcome, Progress, Where, interruption, part_of, stop_requested
 from beamsim.responses.gapping import (
+    accelerations_by_base,
     contact_levels,
     first_changes,
     gapping,
@@ -296,7 +297,8 @@ def _linear_response(system: StructuralSystem, low_hz: float, high_hz: float, lo
     omega2 = (2 * np.pi * frequency) ** 2
     shapes, names = [probe.shape for probe in system.probes], [probe.name for probe in system.probes]
     displacement = [q @ shape for shape in shapes]
-    acceleration = [base - omega2 * w for base, w in zip(system.base_influence, displacement, strict=True)]
+    moved = accelerations_by_base(system, frequency).T
+    acceleration = [base - omega2 * w for base, w in zip(moved, displacement, strict=True)]
     responses = {"displacement": displacement, "absolute_acceleration": acceleration}
     known = bool(system.snubbers) and not contacts.any_sticks_rigidly and not contacts.pressed_contacts.size
     if known:

@@ -55,7 +55,7 @@ def frames_of_sweep(result: SweepResult, progress: Progress = None) -> Frames | 
     else:
         f = float(curve.frequency_hz[cycle])
         sampled = _steady_motion(level, curve.direction, f, progress)
-        system = replace(system, forcing=loads_at(level, f)[0])  # imposed support motion follows the forcing
+        system = replace(system, forcing=loads_at(level, f))  # imposed support motion follows the forcing
     times = np.linspace(*sampled.span, SAMPLES)
     instants = paced_by_contact(times, sampled.at(times)[1])
     return frames_at(system, instants, *sampled.at(instants[0]), sampled.at(between_frames(instants[0]))[0])

@@ -14,7 +14,6 @@ from beamsim.analyses.sweep.result import SweepCurve
 from beamsim.flow.compiled import processor_time
 from beamsim.flow.exact import ExactFlow
 from beamsim.flow.transient import Motion, start
-from beamsim.inputs.signal import Signal
 from beamsim.orbits.steady import CycleStepper, Exponent, Periodicity, largest_exponent, settle
 from beamsim.outcomes import (
     COMPLETE,
@@ -90,12 +89,11 @@ def step_level(level: SweepLevel, progress: Progress = None) -> LevelRun:
 def stepper_of(level: SweepLevel) -> tuple[CycleStepper, Motion]:
     """Stepper that advances a motion cycle by cycle, and the motion at its start."""
     _, first = steps_of(level)[0]
-    forcing, observers = loads_at(level, first)
-    flow = ExactFlow(level.system.dynamics, forcing, 1.0 / first, observers)
+    flow = ExactFlow(level.system.dynamics, loads_at(level, first), 1.0 / first)
     return CycleStepper(flow, 1.0 / first), start(flow, level.system.initial_state)[0]
 
 
-def loads_at(level: SweepLevel, frequency_hz: float) -> tuple[Forcing, tuple[Signal, ...]]:
+def loads_at(level: SweepLevel, frequency_hz: float) -> Forcing:
     """Loads of a level at a frequency, Hz; see `harmonic_loads`."""
     omega = 2 * np.pi * frequency_hz
     return harmonic_loads(level.system, omega, sine_of(level.system.scenario.sine, omega, level.value))
@@ -129,8 +127,8 @@ def steady_at(
     ArithmeticError
         If the limit of the stepper's work is exceeded.
     """
-    settings, (forcing, observers) = of_kind(SteppedSine, level.settings), loads_at(level, frequency_hz)
-    stepper.use(stepper.flow.with_loads(forcing, observers, 1.0 / frequency_hz), 1.0 / frequency_hz, motion)
+    settings, forcing = of_kind(SteppedSine, level.settings), loads_at(level, frequency_hz)
+    stepper.use(stepper.flow.with_loads(forcing, 1.0 / frequency_hz), 1.0 / frequency_hz, motion)
     settled = settle(
         stepper, motion, tolerance=settings.steady_to, longest_period=settings.longest_period,
         most_cycles=settings.most_cycles,

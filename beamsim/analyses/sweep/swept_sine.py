@@ -20,7 +20,6 @@ from beamsim.flow.swept_motion import CLOSE, LevelControl, SweptLoads, SweptMoti
 from beamsim.inputs.drift import Correction, CorrectionSize, jumps
 from beamsim.inputs.measured import on_curve
 from beamsim.inputs.profiles import Leg, Profile, make_leg, make_profile, phase_of_acceleration
-from beamsim.inputs.signal import Signal
 from beamsim.inputs.swept import SweepWindows, cut_into_windows, swept_signals
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome, OutcomeKind, Progress, Where, combined, part_of, stop_requested
@@ -46,19 +45,18 @@ def legs_of(settings: SweptSine) -> list[Leg]:
 
 
 def swept_loads(system: StructuralSystem) -> SweptLoads:
-    """Loads of a system with the swept sine in place of its sine; the observed signal is the base acceleration."""
-    moves, forcing = system.base_acceleration, system.forcing
+    """Loads of a system with the swept sine in place of its sine."""
+    forcing, sine = system.forcing, not_none(system.sine)
 
-    def loads(windows: SweepWindows, carrier: float) -> tuple[Forcing, tuple[Signal, ...]]:
-        if moves is None:
+    def loads(windows: SweepWindows, carrier: float) -> Forcing:
+        if not system.base:
             # supports with imposed motion are known only at constant frequency
-            factors = not_none(system.sine).at(windows.omega)
-            sines = (replace(windows, coefficient=factor[:, None] * windows.coefficient) for factor in factors.T)
-            return replace(forcing, signal=tuple(swept_signals(sine, carrier)[0] for sine in sines)), ()
+            sines = (replace(windows, coefficient=at[:, None] * windows.coefficient) for at in sine.at(windows.omega).T)
+            return replace(forcing, signal=tuple(swept_signals(sine, carrier)[0] for sine in sines))
         acceleration, _, displacement = swept_signals(windows, carrier)
-        signals = tuple(acceleration if signal is moves else displacement for signal in forcing.signal)
-        base = None if forcing.base_displacement is None else displacement
-        return Forcing(forcing.load, signals, base), (acceleration,)
+        of_power = {0: acceleration, -2: displacement}  # -2: the displacement is the exact integral of the acceleration
+        pairs = zip(sine.coefficient.real.tolist(), sine.power.tolist(), strict=True)
+        return replace(forcing, signal=tuple(factor * of_power[power] for factor, power in pairs))
 
     return loads
 
@@ -98,7 +96,7 @@ def swept_march(level: SweepLevel, notching: Notching | None, progress: Progress
     if notching is not None:  # with the same result as the table in a file
         table = zip(notching.frequency_hz.tolist(), notching.level.tolist(), strict=True)
         profile = Profile.log_log([(f, value, notching.quantity) for f, value in table])
-    corrections = None if system.base_acceleration is None else jumps(legs, profile, phase)
+    corrections = jumps(legs, profile, phase) if system.base else None
     windows = cut_into_windows(legs, profile, phase=phase, corrections=corrections, tolerance=settings.tolerance)
     march = SweptMotion(
         system.dynamics, swept_loads(system), windows, system.initial_state, stop=stop_requested, progress=progress
@@ -284,7 +282,7 @@ def notched_level(level: SweepLevel, limits: Sequence[LimitColumn], progress: Pr
 
     control = LevelControl(
         system.dynamics, swept_loads(system), limited_outputs, np.array([each.limit for each in limits]), leg,
-        specification, phase, system.base_acceleration is not None, system.initial_state, stop_requested, progress,
+        specification, phase, bool(system.base), system.initial_state, stop_requested, progress,
     )  # fmt: skip
     frequency, amplitude = control.level()
     divisor = (2 * np.pi * frequency) ** power_of(quantity)
