@@ -82,13 +82,13 @@ class PointOfBody(Schema):
             for key in (*_PLACES, "member", "direction"):
                 self.exclude(key, "at", remedy="keep at: it names the place")
             return
+        if self.member is not None and self.position is None:
+            raise InvalidValueError("needs a position", "give position: 1.2 m or position: 50 %", ("member",))
         if all(getattr(self, key) is None for key in _PLACES):
             raise InvalidValueError("names no place", _REMEDY)
         remedy = "position belongs to a beam, mass to a chain, node and row to imported matrices"
         for number in (1, 2, 3):
             self.exclude(_PLACES[number], *_PLACES[:number], remedy=remedy)
-        if self.member is not None and self.position is None:
-            raise InvalidValueError("needs a position", "give position: 1.2 m or position: 50 %", ("member",))
         if self.direction is not None and self.node is None and self.member is None:
             raise InvalidValueError("belongs to a node", "leave it out, or give node: 24", ("direction",))
 
@@ -739,6 +739,10 @@ class Body(Schema):
         number = place.mass if place.node is None else place.node
         assert isinstance(number, int)
         return float(number)
+
+    def coordinates_of(self, place: AtPlace) -> tuple[float, float, float] | None:
+        """Coordinates of a place in space, m; None if the body is not in space, or they are only in its files."""
+        return None
 
     def support_at(self, position: WrittenPosition) -> str:
         """The support that prevents a deflection at a point, such as "the clamped left end"; empty if there is none."""

@@ -393,6 +393,15 @@ class Member(Schema):
         return curve
 
 
+def point_at(curve: Curve, s: float) -> Vector:
+    """Point of a curve at the distance s from its start, m."""
+    if curve.centre is None or curve.normal is None:
+        return _plus(curve.start, _minus(curve.end, curve.start), s / curve.length)
+    radial, angle = _minus(curve.start, curve.centre), curve.angle * s / curve.length
+    across = _scaled(_cross(curve.normal, radial), math.sin(angle))
+    return _plus(_plus(curve.centre, across), radial, math.cos(angle))
+
+
 def tangent_at(curve: Curve, s: float) -> Vector:
     """Unit vector along a curve at the distance s from its start, m."""
     if curve.centre is None or curve.normal is None:
@@ -608,6 +617,14 @@ class FrameBody(Body):
         assert not isinstance(place.position, tuple)
         number = list(self.members).index(place.member) + 1
         return float(number), self.along(place.member, place.position)
+
+    def coordinates_of(self, place: AtPlace) -> Vector:
+        """Coordinates of a place, m."""
+        if place.member is None:
+            return self.nodes[str(place.node)]
+        assert place.position is not None
+        assert not isinstance(place.position, tuple)
+        return point_at(self.members[place.member].curve(self.nodes), self.along(place.member, place.position))
 
     def along(self, member: str, position: float | q.Share) -> float:
         """Distance along a member, m; exactly its length if only round-off is between them."""

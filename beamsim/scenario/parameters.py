@@ -90,7 +90,7 @@ class Side(NamedTuple):
 def side_at(scenario: Whole, place: Path) -> Side | None:
     """The axis along which the position at a path is measured; None if it is not a position on a known body."""
     body = scenario.all_bodies.get(body_of(scenario, place))
-    if body is None or not isinstance(field_type_at(scenario, place), PositionType):
+    if body is None or not body.sides or not isinstance(field_type_at(scenario, place), PositionType):
         return None
     # the second number of a point, and y of a table, lie along the second side
     second = isinstance(place[-1], int) and (place[-2] == "y" or (place[-2] != "x" and place[-1] == 1))
@@ -222,6 +222,9 @@ def field_type_at(scenario: Whole, place: Path) -> FieldType | None:
     """The type that reads the value at a path; None for words and flags."""
     last = max(k for k, part in enumerate(place) if isinstance(part, str))
     owner = value_at(scenario, place[:last])
+    while isinstance(owner, dict) and last:  # values by name: those of the field with the mapping
+        last -= 1
+        owner = value_at(scenario, place[:last])
     if not isinstance(owner, Schema):
         return None
     return field_type(owner, str(place[last]), place[last + 1 :])
@@ -237,6 +240,8 @@ def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[
     """Yield the types that read a value, or the number at these indices of it."""
     yield from (item for item in metadata if isinstance(item, FieldType))
     parts = get_args(annotation)
+    if get_origin(annotation) is Mapping:
+        parts, indices = parts[1:], indices[1:]
     if get_origin(annotation) is tuple:
         first, indices = indices[:1], indices[1:]
         parts = parts if Ellipsis in parts else tuple(part for k, part in enumerate(parts) if k in first or not first)

@@ -163,7 +163,11 @@ def _nodes(
         place = getattr(item, "probed_places", item.places)[0]
         body = place.body or default
         of_table = imported.get(body if several else "")
-        if of_table is not None:
+        in_space = scenario.all_bodies[body].coordinates_of(place)
+        if in_space is not None:
+            x, y, z = in_space
+            z += heights.get(body, 0.0)
+        elif of_table is not None:
             x, y, z = of_table.get(place.node or 0, (np.nan,) * 3)
         else:
             point = scenario.all_bodies[body].point_of(place)

@@ -267,6 +267,9 @@ class FrameStructure(MatricesStructure):
         """Key, message and remedy if the place does not move, or nothing can act there; else None."""
         assert isinstance(place, Place)  # the scenario refuses other places
         key = "node" if place.along is None else "member"
+        if place.along is None and place.direction.startswith("local_"):
+            remedy = f"use {place.direction.removeprefix('local_')}, or name a member and a position"
+            return "direction", f"= {place.direction} belongs to a member", remedy
         row = self.unsupported_row(place)[self._rows[1]]
         row = np.where(np.abs(row) > 1e-9 * max(float(np.abs(row).max()), 1e-9), row, 0.0)
         if not row.any():

@@ -7,8 +7,10 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+import beamsim
 from beamsim.cli.app import app
 from beamsim.scenario import load_scenario, scenario_of
+from beamsim.scenario.frame import FrameSection
 from beamsim.structures.assembly import assemble
 from beamsim.structures.modes import natural_modes
 from beamsim.structures.places import BaseDirection, Place
@@ -395,3 +397,59 @@ def test_the_own_export_read_back(tmp_path):
         assert_allclose(loads[1], loads[0], atol=1e-9 * np.abs(loads[0]).max())
     drags = [model.damping.toarray() for model in (frame_model, imported)]
     assert_allclose(drags[1], drags[0], atol=1e-9)
+
+
+def test_a_craig_bampton_model_with_all_modes_has_the_same_frequencies(tmp_path):
+    data = angled()
+    data["probes"] = [{"name": "c", "at": {"node": "c", "direction": "y"}}]
+    (tmp_path / "frame.yaml").write_text(yaml.safe_dump(data))
+    words = ["export-structure", str(tmp_path / "frame.yaml"), "-o", str(tmp_path / "m.mat"), "--modes", "500"]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    data["bodies"] = yaml.safe_load(answer.output[answer.output.index("bodies:") :])["bodies"]
+    data["probes"][0]["at"]["node"] = 3
+    (tmp_path / "matrices.yaml").write_text(yaml.safe_dump(data))
+    models = [assemble(load_scenario(tmp_path / f"{name}.yaml")) for name in ("frame", "matrices")]
+    first, second = (natural_modes(model, 10).omega[:10] * model.frequency_scale for model in models)
+    assert_allclose(second, first, rtol=1e-8)
+
+
+def test_torsion_constants_and_shear_coefficients_of_sections():
+    def of(**section):
+        return FrameSection(section=section, youngs_modulus=E, density=RHO).spatial
+
+    assert_allclose(of(kind="square", side=0.1).torsion_constant, 0.1405770149 * 0.1**4, rtol=1e-8)
+    assert_allclose(
+        of(kind="rectangle", width=1.0, thickness=0.01).torsion_constant, (1 - 0.0063) / 3 * 1e-6, rtol=1e-5
+    )
+    tube = of(kind="tube", outer_diameter=0.1, wall_thickness=1e-5)
+    assert_allclose(tube.shear_area_z / tube.area, 2 * (1 + NU) / (4 + 3 * NU), rtol=1e-3)  # Cowper, thin
+    circle = of(kind="circle", diameter=0.1)
+    assert_allclose(circle.shear_area_y / circle.area, 6 * (1 + NU) / (7 + 6 * NU), rtol=1e-12)
+    rectangle = of(kind="rectangle", width=0.02, thickness=0.01)
+    assert_allclose(rectangle[1:3], [0.02 * 0.01**3 / 12, 0.01 * 0.02**3 / 12], rtol=1e-12)
+    beam = of(kind="I", height=0.2, width=0.1, web_thickness=0.006, flange_thickness=0.009)
+    assert_allclose(beam.second_moment_z, 2 * 0.009 * 0.1**3 / 12 + 0.182 * 0.006**3 / 12, rtol=1e-12)
+    assert 0.8 * 0.191 * 0.006 < beam.shear_area_z < 1.1 * 0.191 * 0.006  # about the web
+
+
+def test_stops_on_a_frame_move_as_on_its_matrices(tmp_path):
+    """A run against a stop, under base motion along y, of the frame and of its export."""
+    data = angled(damping={"kind": "modal", "ratio": 0.02})
+    data["snubbers"] = [{"name": "stop", "at": {"node": "c", "direction": "y"}, "side": "above", "stiffness": 1e5,
+                         "gap": 1e-4}]  # fmt: skip
+    data["excitation"] |= {"direction": "y", "level": "10 g"}
+    data["reduction"] = {"modes": 12}
+    data["run"] |= {"convergence": "off"}
+    (tmp_path / "frame.yaml").write_text(yaml.safe_dump(data))
+    answer = CliRunner().invoke(app, ["export-structure", str(tmp_path / "frame.yaml"), "-o", str(tmp_path / "m.mat")])
+    written = {**data, "bodies": yaml.safe_load(answer.output[answer.output.index("bodies:") :])["bodies"]}
+    written["bodies"]["frame"]["damping"] = data["bodies"]["frame"]["damping"]
+    written["snubbers"] = [{**data["snubbers"][0], "at": {"node": 3, "direction": "y"}}]
+    (tmp_path / "matrices.yaml").write_text(yaml.safe_dump(written))
+    first, second = (beamsim.run(load_scenario(tmp_path / f"{name}.yaml")) for name in ("frame", "matrices"))
+    force = first["histories"]["snubber_force"].values
+    assert np.abs(force).max() > 1.0
+    assert_allclose(second["histories"]["snubber_force"].values, force, atol=1e-8 * np.abs(force).max())
+    base = first["histories"]["output_value"].values
+    assert_allclose(second["histories"]["output_value"].values, base, atol=1e-8 * np.abs(base).max())

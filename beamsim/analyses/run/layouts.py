@@ -27,7 +27,7 @@ HISTORIES = Layout(
         ),
         "probe": Variable(_PROBE, "1", "name of the probe", str),
         "probe_body": Variable(_PROBE, "1", "name of the body", str, optional=True),
-        "position": Variable(_PROBE, "m", "position along the beam; the number of the mass in a chain"),
+        "position": Variable(_PROBE, "m", "position along the beam; else number of the mass, node or member"),
         "position_y": Variable(_PROBE, "m", "on a plate the y, from its bottom edge", optional=True),
         "displacement": Variable(_PROBE + _TIME, "m", "displacement relative to the base"),
         "absolute_displacement": Variable(_PROBE + _TIME, "m", "absolute displacement"),
@@ -40,7 +40,7 @@ HISTORIES = Layout(
         "snubber_body": Variable(_SNUBBER, "1", "name of the body", str, optional=True),
         "snubber_position": Variable(
             _SNUBBER, "m",
-            "position along the beam; the number of the mass in a chain, halfway for a snubber between two masses",
+            "position along the beam; else number of the mass, node or member, halfway for one between two masses",
         ),
         "snubber_position_y": Variable(_SNUBBER, "m", "on a plate the y, from its bottom edge", optional=True),
         "snubber_side": Variable(_SNUBBER, "", "below or above; between two masses approach or separation", str),
