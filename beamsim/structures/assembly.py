@@ -272,11 +272,12 @@ class SeveralBodies(Structure):
             names, own = {member.body.name for member in part.structure.members}, np.eye(basis.size)[columns]
             on_it = [end for site in sites for end in ends_of(site) if end.body in names]
             for recovery in part.structure.recoveries(reduced, on_it, base):
-                moment = recovery.bending_moment
+                moment, in_space = recovery.bending_moment, recovery.in_space
                 recovered.append(
                     replace(
                         recovery,
                         deflection=recovery.deflection @ own,
+                        in_space=None if in_space is None else in_space @ own,
                         bending_moment=None if moment is None else moment @ own,
                     )
                 )

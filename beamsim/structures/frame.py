@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, hstack
+from scipy.sparse import block_diag, coo_array, csc_array, csr_array, eye_array, hstack, vstack
 
 from beamsim.dofs import DIRECTIONS, Dof
 from beamsim.errors import MethodError, ScenarioError
@@ -87,6 +88,20 @@ class FrameMesh:
         dofs = self.dofs_of(member, element)
         at = (np.repeat(np.arange(6), 12), np.tile(dofs, 6))
         return coo_array((rows.ravel(), at), shape=(6, self.size)).tocsr()
+
+    def member_motion(self, member: int, s: Floats) -> list[Any]:
+        """(k, N) sparse x, then y and z of points at distances (k,) along a member, m, for a unit of each dof."""
+        elements = self.members[member]
+        nodes = self.nodes[member][elements.locate(s)[:, None] + np.arange(2)]
+        at = np.repeat(np.arange(s.size), 12), (6 * nodes[:, :, None] + np.arange(6)).ravel()
+        shapes = elements.shapes(s)
+        return [coo_array((shapes[:, i].ravel(), at), shape=(s.size, self.size)).tocsr() for i in range(3)]
+
+    def node_motion(self, count: int) -> list[Any]:
+        """(count, N) sparse x, then y and z of the first nodes for a unit of each dof."""
+        number = np.arange(count)
+        ones = np.ones(count)
+        return [coo_array((ones, (number, 6 * number + i)), shape=(count, self.size)).tocsr() for i in range(3)]
 
     def node_rows(self, node: int) -> Any:
         """(6, N) sparse rows of a node."""
@@ -229,12 +244,11 @@ def _with_springs(stiffness: Any, mass: Any, springs: Sequence[SupportSpring]) -
 
 
 @dataclass(frozen=True)
-class Centrelines:
-    """Points along the members of a frame, with their displacements."""
+class DrawnPoints:
+    """The named nodes of a frame, then points along its members, with the lines between them and their motion."""
 
     points: Floats  # (k, 3) m
-    members: Ints  # (k,) number of the member of each point, from 0; points of a member follow one another
-    distance: Floats  # (k,) m, along the member
+    lines: Ints  # (m, 2) points that are joined
     motion: tuple[Any, Any, Any]  # (k, rows) sparse x, y and z of the points for a unit of each row of the body
 
 
@@ -332,44 +346,31 @@ class FrameStructure(MatricesStructure):
         y, z = (0.0, of.fibre_z) if asked.point is None else asked.point
         return np.asarray(forces[0] / of.area + forces[4] * z / of.second_moment_y - forces[5] * y / of.second_moment_z)
 
-    def centrelines(self, per_element: int = 4) -> Centrelines:
-        """Points along the members, ``per_element`` intervals in each element, with their displacements.
-
-        Parameters
-        ----------
-        per_element : number of intervals in each element.
-
-        Returns
-        -------
-        Centrelines
-            In the order of the members.
-        """
-        distance, points, which, rows = [], [], [], []
-        for k, elements in enumerate(self.mesh.members):
+    @cached_property
+    def drawn_points(self) -> DrawnPoints:
+        """Points that show the shape of the members between their nodes, with rigid arms and links."""
+        mesh, names = self.mesh, list(self.mesh.section.nodes)
+        intervals = [_intervals(elements.count, len(mesh.members)) for elements in mesh.members]
+        points, motion, lines = [mesh.points[: len(names)]], [mesh.node_motion(len(names))], []
+        last = len(names)
+        for k, (elements, per_element) in enumerate(zip(mesh.members, intervals, strict=True)):
             share = np.arange(per_element * elements.count + 1) / per_element
             s = np.interp(share, np.arange(elements.count + 1), elements.bounds)
-            shapes = elements.shapes(s)[:, :3]
-            nodes = self.mesh.nodes[k][elements.locate(s)[:, None] + np.arange(2)]
-            dofs = (6 * nodes[:, :, None] + np.arange(6)).reshape(-1, 12)
-            distance.append(s)
+            s = s[0 if any(elements.arms[0]) else 1 : None if any(elements.arms[1]) else -1]
             points.append(elements.points(s))
-            which.append(np.full(s.size, k))
-            rows.append((shapes, dofs))
-        count = sum(s.size for s in distance)
-        at = np.repeat(np.arange(count), 12), np.vstack([dofs for _, dofs in rows]).ravel()
-        shapes = np.concatenate([shape for shape, _ in rows])
-        motion = tuple(
-            csr_array(coo_array((shapes[:, k].ravel(), at), shape=(count, self.mesh.size)).tocsr() @ self.frame.motion)
-            for k in range(3)
-        )
-        return Centrelines(
-            np.vstack(points), np.concatenate(which), np.concatenate(distance), (motion[0], motion[1], motion[2])
-        )
+            motion.append(mesh.member_motion(k, s))
+            chain = np.array([mesh.nodes[k][0], *(last + np.arange(s.size)), mesh.nodes[k][-1]])
+            lines.append(np.stack([chain[:-1], chain[1:]], axis=1))
+            last += s.size
+        for first, *others in mesh.section.link_groups:
+            lines.append(np.array([(names.index(first), names.index(other)) for other in others]))
+        x, y, z = (vstack([part[i] for part in motion], format="csr") @ self.frame.motion for i in range(3))
+        return DrawnPoints(np.vstack(points), np.vstack(lines), (x, y, z))
 
     def recovery(
         self, member: MemberBody, basis: ReducedBasis, sites: Sequence[Place], base: BaseDirection | None
     ) -> Recovery:
-        """Displacements in the direction of the base at the nodes.
+        """Displacements in the direction of the base, and in space, of the points that are drawn.
 
         Parameters
         ----------
@@ -378,19 +379,24 @@ class FrameStructure(MatricesStructure):
         Returns
         -------
         Recovery
-            At the nodes of the mesh, with lines along the members.
+            At named nodes, then along the members.
         """
-        direction = self.source_matrices.direction
-        pick = 6 * np.arange(len(self.mesh.points)) + DIRECTIONS.index(direction)
-        rows: Floats = self.frame.motion[pick] @ (self.all_dofs_map @ (member.expansion @ basis.vectors))
-        shapes, numbers = (
-            rows / np.sqrt(member.structure.mass_scale),
-            np.arange(1, len(self.mesh.points) + 1, dtype=float),
-        )
-        pairs = [np.stack([nodes[:-1], nodes[1:]], axis=1) for nodes in self.mesh.nodes]
+        drawn, direction = self.drawn_points, self.source_matrices.direction
+        vectors = self.all_dofs_map @ (member.expansion @ basis.vectors) / np.sqrt(member.structure.mass_scale)
+        shapes = np.stack([rows @ vectors for rows in drawn.motion], axis=1)
         return Recovery(
-            self.name, NODES, numbers, shapes, points=self.mesh.points, lines=np.vstack(pairs), direction=direction,
+            self.name, NODES, np.arange(1, len(drawn.points) + 1, dtype=float), shapes[:, DIRECTIONS.index(direction)],
+            points=drawn.points, lines=drawn.lines, direction=direction, in_space=shapes,
         )  # fmt: skip
+
+
+SMOOTH, MANY_MEMBERS = 8, 200
+"""Intervals of a member that draw its shape smoothly, and number of members beyond which only elements are drawn."""
+
+
+def _intervals(elements: int, members: int) -> int:
+    """Number of intervals of each element of a member that is drawn."""
+    return 1 if members > MANY_MEMBERS else -(-SMOOTH // elements)
 
 
 def assemble_frame(section: FrameBody, name: str = "", nodes: Sequence[Any] = ()) -> FrameStructure:

@@ -306,6 +306,7 @@ class Stations:
     position_y: Floats | None = None  # (nx,) m, y on a plate, NaN on other bodies; None without plates
     points: Floats | None = None  # (nx, 3) m, of nodes of imported bodies, NaN if unknown; None without
     lines: Ints | None = None  # (k, 2) stations to be connected by lines: nodes of the same element
+    in_space: Floats | None = None  # (nx, 3, n) x, y, z for a unit of each coordinate, 1/sqrt(kg); NaN if unknown
 
     @classmethod
     def of_recoveries(cls, bodies: Sequence[Recovery]) -> Stations:
@@ -319,6 +320,9 @@ class Stations:
             _join_values([each.position_y for each in bodies], bodies, ()),
             _join_values([each.points for each in bodies], bodies, (3,)),
             np.concatenate(known) if known else None,
+            _join_values(
+                [each.in_space for each in bodies], bodies, (3, bodies[0].deflection.shape[1] if bodies else 0)
+            ),
         )
 
     @classmethod
@@ -328,10 +332,11 @@ class Stations:
         sizes = np.bincount(modes["station_body"].values, minlength=len(bodies)) if bodies else np.zeros(0, dtype=int)
         ends = np.cumsum([0, *sizes]).tolist()
         named = zip(bodies, modes["body_axis"].values if bodies else (), ends[:-1], ends[1:], strict=True)
-        across, points, lines = (modes[of].values if of in modes else None for of in ("position_y", "points", "lines"))
+        names = ("position_y", "points", "lines", "shapes_in_space")
+        across, points, lines, shapes = (modes[of].values if of in modes else None for of in names)
         return cls(
             tuple(BodyStations(body, AXES[axis], slice(start, end)) for body, axis, start, end in named),
-            modes["position"].values, across, points, lines,
+            modes["position"].values, across, points, lines, None if shapes is None else np.moveaxis(shapes, 0, 2),
         )  # fmt: skip
 
     def columns(self) -> dict[str, Any]:
@@ -349,6 +354,8 @@ class Stations:
             columns |= {"direction": TRANSLATIONS, "points": self.points}
         if self.lines is not None:
             columns |= {"drawn_line": 1 + np.arange(len(self.lines)), "end": np.array([1, 2]), "lines": self.lines}
+        if self.in_space is not None:
+            columns["shapes_in_space"] = np.moveaxis(self.in_space, 2, 0)
         return columns
 
     @property
@@ -406,6 +413,7 @@ class Recovery:
     position_y: Floats | None = None  # (nx,) m, y on a plate
     points: Floats | None = None  # (nx, 3) m, of nodes with coordinates; NaN if unknown
     lines: Ints | None = None  # (k, 2) stations whose nodes belong to the same element
+    in_space: Floats | None = None  # (nx, 3, n) x, y and z of a body in space, 1/sqrt(kg)
     moments: int = 1  # moments per station
     direction: str = DEFLECTION
 

@@ -197,6 +197,10 @@ MODES = Layout(
         "shapes": Variable(
             _MODE + _STATION, "kg^-0.5", "mode shapes of the open structure, unit modal mass"
         ),
+        "shapes_in_space": Variable(
+            (*_MODE, *_STATION, "direction"), "kg^-0.5",
+            "mode shapes of frames along x, y and z, unit modal mass; NaN on other bodies", optional=True,
+        ),
     },
 )  # fmt: skip
 

@@ -453,3 +453,15 @@ def test_stops_on_a_frame_move_as_on_its_matrices(tmp_path):
     assert_allclose(second["histories"]["snubber_force"].values, force, atol=1e-8 * np.abs(force).max())
     base = first["histories"]["output_value"].values
     assert_allclose(second["histories"]["output_value"].values, base, atol=1e-8 * np.abs(base).max())
+
+
+def test_mode_shapes_in_space_follow_the_members(tmp_path):
+    """Points along a frame that moves rigidly move as the rigid motion; the ends of arms follow their nodes."""
+    model = assemble(scenario_of(angled()))
+    drawn = model.drawn_points
+    assert drawn.points.shape[0] > 20
+    assert np.all(np.linalg.norm(drawn.points[drawn.lines[:, 0]] - drawn.points[drawn.lines[:, 1]], axis=1) > 0)
+    for direction in DIRECTIONS:
+        base = BaseDirection(direction, (0.3, 0.1, 0.2))
+        moved = np.array([rows @ model.rigid_motion(base) for rows in drawn.motion]).T
+        assert_allclose(moved, base.displacements(drawn.points), atol=1e-9)
