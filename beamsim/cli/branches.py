@@ -12,7 +12,7 @@ from beamsim.analyses.coexisting.result import CoexistingResult
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.nnm.result import NormalModeResult
 from beamsim.cli.screens import MOST_ROWS, MOST_SHOWN, WIDTH, Errors, Screen, limit_lines, more_rows, round_with_unit
-from beamsim.orbits.branch import special_name
+from beamsim.orbits.branch import curve_event_name, special_name
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent, scale_for
 from beamsim.scenario.base import count_text
@@ -42,14 +42,34 @@ def continuation_screen(result: ContinuationResult) -> Screen:
         f"{_parameter(of['parameter'], result.unit)}"
         for name, of in list(s.get("peak_output", {}).items())[:MOST_SHOWN]
     ]
-    for curve in s.get("fold_curves", ()):
-        low, high = curve["smallest_parameter"], curve["largest_parameter"]
-        where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
-        lines.append(f"folds in {s['second_parameter']}: {extent(low, high, result.second_unit)}, at {where}")
+    lines += _special_curve_lines(result)
     for of in s.get("multiple_scales", ()):
         lines.append(f"multiple scales: differences from the exact motions {_orders_text(of['observed_orders'])}")
     lines += limit_lines(result)
     return Screen(errors.verdict(), rows, [*lines, *errors.legend()])
+
+
+def _special_curve_lines(result: ContinuationResult) -> Iterator[str]:
+    """Extents of curves of special points, and their own special points."""
+    s, unit = result.summary, result.second_unit
+    curves = s.get("special_curves", ())
+    for curve in curves:
+        where = extent(curve["smallest_hz"], curve["largest_hz"], "Hz")
+        if not curve["points"]:
+            continue
+        if curve["kind"] == "isola":
+            yield f"isola at the {s['second_parameter']} of {amount(curve['smallest_parameter'], unit)}: {where}"
+            continue
+        over = extent(curve["smallest_parameter"], curve["largest_parameter"], unit)
+        touching = f" ({curve['touching']} just touches)" if curve["touching"] else ""
+        yield f"{special_name(curve['kind'])}s in {s['second_parameter']}: {over}, at {where}{touching}"
+    events = [
+        f"{curve_event_name(event['kind'])} at {amount(event['parameter'], unit)}, {event['frequency_hz']:.6g} Hz"
+        for curve in curves
+        for event in curve["events"]
+    ]
+    if events:
+        yield from textwrap.wrap(f"on these curves: {first_of(events, MOST_ROWS)}", WIDTH)
 
 
 def _orders_text(orders: Sequence[float | None]) -> str:

@@ -99,6 +99,14 @@ def special_name(kind: str) -> str:
     return "Neimark–Sacker bifurcation" if kind == "neimark_sacker" else kind.replace("_", " ")
 
 
+def curve_event_name(kind: str) -> str:
+    """What a special point of a curve of special points is called on screens and in plots."""
+    names = {"isola": "birth of an isola", "extremum": "extreme of the second parameter"}
+    if kind.startswith("resonance_"):
+        return f"{kind.removeprefix('resonance_').replace('_', ':')} resonance"
+    return names.get(kind, kind.replace("_", " "))
+
+
 @contextmanager
 def record_failures(kind: SpecialKind, step: BranchPoint, failed: list[FailedSearch] | None) -> Iterator[None]:
     """Append to ``failed`` what ends in a numerical error, or raise it where there is no list.

@@ -13,6 +13,8 @@ from beamsim.typing import Bools, Floats
 
 MARKS = {"fold": "s", "nonsmooth_fold": "X", "period_doubling": "D", "neimark_sacker": "v", "branch_point": "P",
          "grazing": "x", "symmetry_breaking": "*"}  # fmt: skip
+CURVE_MARKS = {"isola": "*", "joining_branches": "P", "extremum": "d", "cusp": "^", "resonance_1_1": "1",
+               "resonance_1_2": "2", "resonance_1_3": "3", "resonance_1_4": "4"}  # fmt: skip
 UNSTABLE = (0, (3, 1.5))  # dashes of what is unstable
 
 

@@ -1,4 +1,4 @@
-"""Pictures of response curves by continuation: amplitude, force, harmonics, folds in two parameters."""
+"""Pictures of response curves by continuation: amplitude, force, harmonics, special points in two parameters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 from beamsim.analyses.continuation.overlay import OverlayCurve
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.labelled import Dataset
-from beamsim.plots.branches import BranchLine, branch_curves
+from beamsim.orbits.branch import curve_event_name, special_name
+from beamsim.plots.branches import CURVE_MARKS, BranchLine, branch_curves
 from beamsim.plots.drawing import (
     HERTZ,
     MOST_CURVES,
@@ -130,22 +131,31 @@ def harmonics(result: ContinuationResult, probe: str) -> Chart:
     return Chart(_parameter(result), y_axis, branch_curves(lines), log="y", curve_noun="", y_ends=ends)
 
 
-def fold_curves(result: ContinuationResult) -> Chart:
-    """Folds in the plane of frequency and second parameter: between two of them there are several motions."""
-    folds, drawn, places = [c for c in result.fold_curves if c["parameter"].values.size], list[Curve](), []
-    for curve in folds:
-        x, y, start = curve["frequency_hz"].values, curve["parameter"].values, curve["start_hz"].item()
-        drawn.append(Curve(f"fold at {start:.5g} Hz", x, y, {"linewidth": 1.4}))
-        begin = int(np.argmin(np.abs(x - start)))
-        places.append((x[begin], y[begin]))
-    begun = marks_curve("", places, marker="s", markersize=5, color="0.2", markerfacecolor="white")
-    snubber = folds[0]["followed_snubber"].item()
+def special_curves(result: ContinuationResult) -> Chart:
+    """Curves of special points in the plane of frequency and second parameter, with their own special points."""
+    curves, drawn, begun = [c for c in result.special_curves if c["parameter"].values.size], list[Curve](), []
+    kinds = list(dict.fromkeys(curve["kind"].item() for curve in curves))
+    for curve in curves:
+        x, y, kind = curve["frequency_hz"].values, curve["parameter"].values, curve["kind"].item()
+        name = special_name(kind)
+        known = any(other.label == name for other in drawn)
+        drawn.append(Curve("" if known else name, x, y, {**curve_style(kinds.index(kind)), "linewidth": 1.4}))
+        if kind != "isola":
+            begin = int(np.argmin(np.abs(x - curve["start_hz"].item())))
+            begun.append((x[begin], y[begin]))
+    marks = [marks_curve("found on a branch", begun, marker="s", markersize=4, color="0.2", markerfacecolor="white")]
+    events = list(result["special_curve_events"].rows("event"))
+    for kind, mark in CURVE_MARKS.items():
+        places = [(event["frequency_hz"], event["parameter"]) for event in events if event["kind"] == kind]
+        if places:
+            marks.append(marks_curve(curve_event_name(kind), places, marker=mark, markersize=6, color="0.2"))
+    snubber = curves[0]["followed_snubber"].item()
     y_axis = (f"{_WORDS[result.summary['second_parameter']]}{f' of {snubber}' if snubber else ''}", result.second_unit)
-    return Chart(("Excitation frequency", HERTZ), y_axis, [*drawn, begun], curve_noun="")
+    return Chart(("Excitation frequency", HERTZ), y_axis, [*drawn, *marks], curve_noun="")
 
 
 def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
-    """The response of every probe, what else sweeps follow, outputs, harmonics of the first probe, folds, by name."""
+    """Responses of probes, other values of sweeps, outputs, harmonics of the first probe, special curves; by name."""
     names = {DISPLACEMENT: "response", OUTPUT.key: "output"}
     followed = [(value, of) for value, of in peaks_in(result["points"]) if value.in_sweeps or value is OUTPUT]
     charts = {
@@ -156,8 +166,8 @@ def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
     charts = {name: chart for name, chart in charts.items() if any(np.any(curve.y) for curve in chart.curves)}
     for name in result["points"].labels("probe")[:1]:
         charts[f"harmonics_{name}"] = harmonics(result, name)
-    if any(c["parameter"].values.size for c in result.fold_curves):
-        charts["folds"] = fold_curves(result)
+    if any(c["parameter"].values.size for c in result.special_curves):
+        charts["special_curves"] = special_curves(result)
     if "multiple_scales" in result.datasets:
         from beamsim.plots.multiple_scales import forced_expansion
 

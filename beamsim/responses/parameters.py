@@ -97,7 +97,7 @@ class ResponseModel:
     system: StructuralSystem
     loads: PeriodicForcing
     followed: FollowedParameter
-    second: FollowedParameter | None  # second parameter of curves of folds
+    second: FollowedParameter | None  # second parameter of curves of special points
     frequency_hz: float  # of the excitation, if it is constant
     levels: tuple[float, ...]
 
@@ -153,7 +153,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
         if settings.parameter.kind != "level" and level == 0:
             raise scenario.located(ScenarioError.at(at, "= 0 excites nothing", "give a positive level"))
     parameter: Any = settings.parameter.in_metres(scenario)
-    second: Any = None if settings.follow_folds_in is None else settings.follow_folds_in.in_metres(scenario)
+    second: Any = None if settings.follow_points_in is None else settings.follow_points_in.in_metres(scenario)
     highest = excitation.frequency
     if parameter.kind == "frequency":
         highest = max(parameter.from_, parameter.to)
@@ -173,7 +173,7 @@ def response_model(scenario: Scenario) -> ResponseModel:
         system,
         loads,
         _parameter_of(scenario, family, "sweep.continue_in", parameter),
-        None if second is None else _parameter_of(scenario, family, "sweep.follow_folds_in", second),
+        None if second is None else _parameter_of(scenario, family, "sweep.follow_points_in", second),
         excitation.frequency,
         tuple(float(x) for x in levels),
     )

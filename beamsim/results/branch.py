@@ -257,33 +257,65 @@ POINTS = Layout(
         ),
     },
 )  # fmt: skip
-_FOLD = ("fold_curve",)
-FOLD_CURVES = Layout(
-    "fold_curves",
-    "Curves of folds, or of grazings, of the branches in frequency and a second parameter, a row for each.",
+_CURVE = ("special_curve",)
+SPECIAL_CURVES = Layout(
+    "special_curves",
+    "Curves of special points of the branches in frequency and a second parameter, and isolas, a row for each.",
     {
-        "fold_curve": Variable(_FOLD, "1", "number of the curve, from 0", int),
-        "level": Variable(_FOLD, "{level_unit}", "level of the excitation; NaN if it is the parameter"),
-        "branch": Variable(_FOLD, "1", "number of the branch with the fold", int, names="branches/branch"),
-        "start_hz": Variable(_FOLD, "Hz", "frequency of that fold"),
-        "touching": Variable(_FOLD, "", "contact that grazes along the whole curve; empty for a fold", str),
-        **outcome_variables(_FOLD),
+        "special_curve": Variable(_CURVE, "1", "number of the curve, from 0", int),
+        "kind": Variable(
+            _CURVE, "",
+            "fold, nonsmooth_fold, period_doubling, neimark_sacker, grazing, branch_point, or isola: motions of a "
+            "closed curve at one value of the second parameter",
+            str,
+        ),
+        "level": Variable(_CURVE, "{level_unit}", "level of the excitation; NaN if it is the parameter"),
+        "branch": Variable(_CURVE, "1", "number of the branch with the special point", int, names="branches/branch"),
+        "start_hz": Variable(_CURVE, "Hz", "frequency of that point"),
+        "touching": Variable(_CURVE, "", "contact that grazes along the whole curve; empty for other kinds", str),
+        **outcome_variables(_CURVE),
         "followed": Variable((), "", "second parameter: level, gap, stiffness or position", str),
         "followed_snubber": Variable((), "", "snubber whose number that is; else empty", str),
     },
     optional=True,
-)
-FOLD_POINTS = Layout(
-    "fold_points",
-    "The points of all curves of folds, one curve after the other.",
+)  # fmt: skip
+SPECIAL_CURVE_POINTS = Layout(
+    "special_curve_points",
+    "The points of all curves of special points, one curve after the other.",
     {
         **_OF_POINTS,
-        "fold_curve": Variable(_POINT, "1", "number of the curve, from 0", int, names="fold_curves/fold_curve"),
+        "special_curve": Variable(
+            _POINT, "1", "number of the curve, from 0", int, names="special_curves/special_curve"
+        ),
+        "angle": Variable(
+            _POINT, "rad",
+            "angle of the multipliers on the unit circle: 0 of a fold, pi of a period doubling; NaN of grazings and "
+            "isolas",
+        ),
         "probe": Variable(_PROBE, "1", "name of the probe", str),
         "peak_displacement": Variable((*_PROBE, *_POINT), "m", "largest absolute displacement of a period"),
     },
     optional=True,
-)
+)  # fmt: skip
+SPECIAL_CURVE_EVENTS = Layout(
+    "special_curve_events",
+    "Special points of curves of special points, one curve after the other.",
+    {
+        "event": Variable(_EVENT, "1", "number of the event", int),
+        "special_curve": Variable(
+            _EVENT, "1", "number of the curve, from 0", int, names="special_curves/special_curve"
+        ),
+        "kind": Variable(
+            _EVENT, "",
+            "isola, joining_branches (both extremes of a curve of folds), extremum (of another curve), cusp, "
+            "resonance_1_1, resonance_1_2, resonance_1_3 or resonance_1_4",
+            str,
+        ),
+        "frequency_hz": Variable(_EVENT, "Hz", "frequency of the excitation"),
+        "parameter": Variable(_EVENT, "{unit}", "second parameter"),
+    },
+    optional=True,
+)  # fmt: skip
 
 
 def harmonics_of(branch: Dataset) -> dict[str, Any]:

@@ -191,8 +191,8 @@ class OrbitStart(Schema):
     """Result file of `sweep` with a continuation; the path is relative to the folder of the scenario."""
     branch: q.NotNegativeWhole = 0
     """Number of the branch in the file, from 0."""
-    fold_curve: q.NotNegativeWhole | None = None
-    """Number of a curve of folds in the file, from 0, instead of a branch."""
+    special_curve: q.NotNegativeWhole | None = None
+    """Number of a curve of special points in the file, from 0, instead of a branch."""
     point: q.Count
     """Number of the point on the branch in the file, from 1."""
     keep_excitation: bool = False

@@ -228,6 +228,8 @@ class PositionPath(SnubberPath, _Path[q.PositionOrShare]):
 
 ResponseParameter = Annotated[FrequencyPath | LevelPath | GapPath | StiffnessPath | PositionPath, BY_FORM]
 
+FollowedPoint = Literal["fold", "period_doubling", "neimark_sacker", "grazing", "branch_point"]
+
 SecondParameter = Annotated[LevelPath | GapPath | StiffnessPath | PositionPath, BY_FORM]
 
 
@@ -327,8 +329,12 @@ class Continuation(SineAnalysis):
     """Levels, with one curve for each; by default the level of the excitation."""
     method: Method = Shooting.model_construct()
     """shooting (exact), or harmonic_balance."""
-    follow_folds_in: SecondParameter | None = None
-    """Follow the folds of a frequency response in a second parameter: level, gap, stiffness or position."""
+    follow_points_in: SecondParameter | None = None
+    """Follow special points of a frequency response in a second parameter: level, gap, stiffness or position."""
+    follow_points: Annotated[tuple[FollowedPoint, ...], Field(min_length=1)] = ("fold",)
+    """Kinds of special points that are followed: fold, period_doubling, neimark_sacker, grazing, branch_point."""
+    follow_isolas: bool = False
+    """Follow the isola, a closed curve of motions, next to every extreme of a curve of folds at which one begins."""
     overlay: SweptOverlay | None = None
     """A swept sine drawn over a frequency response."""
     points_at: tuple[q.Frequency, ...] = ()
@@ -369,21 +375,30 @@ class Continuation(SineAnalysis):
                 "use method: shooting",
                 ("method",),
             )
-        for name in ("follow_folds_in", "overlay"):
+        for name in ("follow_points_in", "overlay"):
             if getattr(self, name) is not None and parameter.kind != "frequency":
                 raise InvalidValueError(
                     f"applies to a curve in frequency, but this one is in {parameter.kind}",
                     "leave it out, or give from and to as frequencies",
                     (name,),
                 )
-        if self.follow_folds_in is not None and by_balance:
-            raise InvalidValueError("follows folds by shooting", "use method: shooting", ("follow_folds_in",))
-        if isinstance(self.follow_folds_in, LevelPath) and len(self.levels) > 1:
-            raise InvalidValueError("has several values, and the folds' level changes", "give one level", ("levels",))
-        if self.follow_folds_in is not None and self.follow_folds_in.points_at:
+        if self.follow_points_in is not None and by_balance:
+            raise InvalidValueError("follows special points by shooting", "use method: shooting", ("follow_points_in",))
+        if isinstance(self.follow_points_in, LevelPath) and len(self.levels) > 1:
             raise InvalidValueError(
-                "belong to the curve, not to its folds", "leave them out", ("follow_folds_in", "points_at")
+                "has several values, and the level of the special points changes", "give one level", ("levels",)
             )
+        if self.follow_points_in is not None and self.follow_points_in.points_at:
+            raise InvalidValueError(
+                "belong to the curve, not to its special points", "leave them out", ("follow_points_in", "points_at")
+            )
+        if self.follow_points_in is None:
+            for name in ("follow_points", "follow_isolas"):
+                if name in self.model_fields_set:
+                    message = "needs a second parameter"
+                    raise InvalidValueError(message, "add follow_points_in: {kind: level, from: …, to: …}", (name,))
+        if self.follow_isolas and "fold" not in self.follow_points:
+            raise InvalidValueError("begins at curves of folds", "add fold to follow_points", ("follow_isolas",))
         if self.overlay is not None and isinstance(parameter, FrequencyPath):
             low, high = sorted((parameter.from_, parameter.to))
             cycles = swept_cycles(low, high, self.overlay.rate, self.overlay.direction)
@@ -391,7 +406,7 @@ class Continuation(SineAnalysis):
 
     def problems_with_sine(self, scenario: Whole, path: Path) -> Problems:
         """Problems: a parameter that cannot be varied, incomplete ranges, a method that needs nonlinear contacts."""
-        given = {"follow_folds_in": self.follow_folds_in, "continue_in": self.continue_in}
+        given = {"follow_points_in": self.follow_points_in, "continue_in": self.continue_in}
         unfit = [
             found
             for key, place in given.items()
@@ -405,16 +420,16 @@ class Continuation(SineAnalysis):
             yield problem((*path, "method"), message, "use shooting, or add a snubber")
 
     def _problems_of_ranges(self, scenario: Whole, path: Path) -> Problems:
-        """Problems: points outside the range, and a second range that does not contain the folds' value."""
+        """Problems: points outside the range, and a second range without the scenario's own value."""
         section = path if self.continue_in is None else (*path, "continue_in")
-        second: Any = self.follow_folds_in
+        second: Any = self.follow_points_in
         try:
             parameter: Any = self.parameter.in_metres(scenario)
             parameter.check()
             parameter.demand_inside(parameter.points_at, ("points_at",))
             if second is None:
                 return
-            section = (*path, "follow_folds_in")
+            section = (*path, "follow_points_in")
             second = second.in_metres(scenario)
             second.check()
             present = second.value_in(scenario, self.levels)
@@ -426,7 +441,7 @@ class Continuation(SineAnalysis):
             yield problem(
                 section,
                 f"runs from {low:g} to {high:g}, which leaves out the scenario's own {second.kind} of {present:g}, "
-                "where the folds are found",
+                "where the special points are found",
                 "widen the range to include it",
             )
 

@@ -47,7 +47,7 @@ def test_level_with_backlash_is_linear_until_it_touches(results):
 
 def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(results):
     result = results["continuation_folds"]
-    first, second = sorted(result.fold_curves, key=lambda c: c["start_hz"].item())
+    first, second = sorted(result.special_curves, key=lambda c: c["start_hz"].item())
     assert (first["touching"].item(), second["touching"].item()) == ("stop", "")
     for curve in (first, second):
         np.testing.assert_allclose(np.sort(curve["parameter"].values)[[0, -1]], [0.03, 0.3], rtol=1e-9)
@@ -73,10 +73,10 @@ def test_folds_are_followed_and_the_first_is_where_the_stop_is_just_touched(resu
 def test_curves_of_folds_name_the_branch_of_their_own_level():
     """They were numbered within their level."""
     folds = "{kind: gap, snubber: stop, from: 0.99, to: 1.01}"
-    path = f"from: 0.8 rad/s, to: 0.64 rad/s, levels: [0.1 N, 0.2 N], longest_period: 1, follow_folds_in: {folds}"
+    path = f"from: 0.8 rad/s, to: 0.64 rad/s, levels: [0.1 N, 0.2 N], longest_period: 1, follow_points_in: {folds}"
     result = continuation(load_scenario(CHAIN, [f"sweep={{kind: continuation, {path}, seek_at: 0}}"]))
-    assert len(result.fold_curves) == 4
-    for curve in result.fold_curves:
+    assert len(result.special_curves) == 4
+    for curve in result.special_curves:
         branch = curve["branch"].item()
         assert result["branches"]["level"].values[branch] == curve["level"].item()
         events = [e.frequency_hz for e in events_of(result, branch) if e.kind == "fold"]

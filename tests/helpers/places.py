@@ -113,7 +113,7 @@ FOLDS = """\
 beam: {length: L, width: 50 mm, thickness: 5 mm, youngs_modulus: 69 GPa, density: 2700 kg/m^3, elements: 4}
 snubbers: [{name: tip, position: <90>, side: below, stiffness: 50 kN/m, gap: 0.1 mm}]
 excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 40 Hz}
-sweep: {kind: continuation, from: 20 Hz, to: 90 Hz, follow_folds_in: {kind: position, from: <70>, to: <100>}}
+sweep: {kind: continuation, from: 20 Hz, to: 90 Hz, follow_points_in: {kind: position, from: <70>, to: <100>}}
 """
 CASES = {
     "beam": BEAM, "segments": SEGMENTS, "bodies": BODIES, "plate": PLATE, "imported": IMPORTED, "followed": FOLLOWED,

@@ -25,7 +25,7 @@ QUICK = ("one_sided_65hz", "dry_friction", "foam_drop")
 SHORT = {  # others are as long as where their screens are read, or as they stand
     "sweep_notched": {"sweep.to": "67 Hz", "sweep.rate": "32 oct/min"},  # too fast for its notch
     "continuation_60_120hz": {"sweep.from": "80 Hz", "sweep.to": "84 Hz"},
-    "continuation_folds": {"sweep.follow_folds_in.to": "0.1 N"},
+    "continuation_folds": {"sweep.follow_points_in.to": "0.1 N"},
     "continuation_gap": {"sweep.continue_in.to": "0.1 mm"},
     "continuation_harmonic_balance": {"sweep.to": "76 Hz"},
     "continuation_level": {"sweep.continue_in.to": "0.5 g"},

@@ -69,7 +69,7 @@ def analysed(scenario):
     for k, number in enumerate([] if scenario.identify_stiffness is None else
                                sought_numbers(scenario, scenario.identify_stiffness.update)[0]):  # fmt: skip
         found |= {f"bounds[{k}][{i}]": bound for i, bound in enumerate(number.bounds)}
-    for name in ("parameter", "follow_folds_in"):
+    for name in ("parameter", "follow_points_in"):
         followed = getattr(scenario.sweep, name, None)
         if getattr(followed, "kind", "") == "position":
             followed = followed.in_metres(scenario)
@@ -222,11 +222,11 @@ FOLDS = text_of("folds", "metres", (0.4, 0.2))
 @pytest.mark.parametrize(
     ("old", "new", "path", "message"),
     [
-        ("from: 0.28, to: 0.4", "from: 60 %, to: 240 mm", "sweep.follow_folds_in.to", "equals the start"),
-        ("from: 0.28, to: 0.4", "from: 20 %, to: 80 %", "sweep.follow_folds_in", "leaves out the scenario's own"),
-        ("position: 0.36, side: below", "between: [{position: 50 %}, {position: 90 %}]", "sweep.follow_folds_in.kind",
+        ("from: 0.28, to: 0.4", "from: 60 %, to: 240 mm", "sweep.follow_points_in.to", "equals the start"),
+        ("from: 0.28, to: 0.4", "from: 20 %, to: 80 %", "sweep.follow_points_in", "leaves out the scenario's own"),
+        ("position: 0.36, side: below", "between: [{position: 50 %}, {position: 90 %}]", "sweep.follow_points_in.kind",
          "between two places"),
-        ("follow_folds_in: {kind: position, from: 0.28, to: 0.4}",
+        ("follow_points_in: {kind: position, from: 0.28, to: 0.4}",
          "points_at: [200 Hz]", "sweep.points_at[0]", "outside the range"),
     ],
 )  # fmt: skip

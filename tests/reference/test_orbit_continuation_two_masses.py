@@ -7,12 +7,12 @@ import pytest
 from sampling import first_apart
 from scipy.optimize import brentq
 
-from beamsim.analyses.continuation.folds import GrazingCurve, start_of_curve
 from beamsim.flow.periodic_flow import ContactDirection, PeriodicForcing, shift_system
 from beamsim.flow.transient import simulate
 from beamsim.flow.variational import VariationalFlow
 from beamsim.orbits.continuation import Branch, BranchStep, Settings, solve_at
 from beamsim.orbits.shooting import ForcedOrbits, find_orbit
+from beamsim.orbits.special_curves import CurveProblem, Grazing, start_of_curve
 from beamsim.orbits.special_points import special_points, switch_at_period_doubling
 
 K = np.array([[1.0, -1.0], [-1.0, 2.0]])
@@ -210,7 +210,7 @@ def test_jacobian_of_a_grazing_curve(make_system, what, on_ground):
         system.contacts, **({} if what == "level" else {what: V[::-1] if what == "shape" else 1.0})
     )
     second = "level" if what == "level" else straight_path(flow, direction)
-    curve = GrazingCurve(orbits, second, 0, True, 0.3)
+    curve = CurveProblem(orbits, second, Grazing(0, True, 0.3, 0.0))
     u = np.append(point.u, 1.0 if what == "level" else 0.0)
     _, J, _ = curve.residual(u)
     for i, size in enumerate(curve.scale(u)[0]):

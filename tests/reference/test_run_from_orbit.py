@@ -99,20 +99,22 @@ def test_what_was_followed_is_taken_over(folder, sweep, changes):
     ],
     ids=["gap", "level"],
 )
-def test_a_motion_of_a_fold_curve_is_periodic(folder, second, changed):
+def test_a_motion_of_a_special_curve_is_periodic(folder, second, changed):
     """At the point's frequency and second parameter; at a fold the state returns, but slowly where it is disturbed."""
-    path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_folds_in: {second}")
-    (curve, *_) = beamsim.load(path).fold_curves
+    path, _ = continued(folder, "folds", f"from: 78 Hz, to: 88 Hz, side_branches: none, follow_points_in: {second}")
+    (curve, *_) = beamsim.load(path).special_curves
     k = curve["parameter"].values.size // 2
     frequency = float(curve["frequency_hz"].values[k])
     rate = f"run.sample_rate={1000 * frequency!r}"
-    result = run_from(path, k, 10, frequency, rate, fold_curve=0)
+    result = run_from(path, k, 10, frequency, rate, special_curve=0)
     assert result.scenario.excitation.frequency == pytest.approx(frequency, rel=1e-14)
     assert changed(result.scenario) == pytest.approx(curve["parameter"].values[k], rel=1e-12)
     assert result.summary["peak_displacement_m"]["tip"] == pytest.approx(peaks_of(curve, "tip")[k], rel=1e-6)
     x = result["histories"]["displacement"].sel(probe="tip").values[:-1].reshape(10, 1000)
     np.testing.assert_allclose(x, np.tile(x[0], (10, 1)), atol=1e-6 * np.abs(x).max())
-    kept = run_from(path, k, 10, frequency, rate, fold_curve=0, keep_excitation=True)  # the twin: at 65 Hz it is none
+    kept = run_from(
+        path, k, 10, frequency, rate, special_curve=0, keep_excitation=True
+    )  # the twin: at 65 Hz it is none
     y = kept["histories"]["displacement"].sel(probe="tip").values
     assert np.abs(y[1000:2000] - y[:1000]).max() > 1e-2 * np.abs(x).max()
 
@@ -141,7 +143,7 @@ def test_refusals(in_frequency, folder):
     refused("does not exist", **{"run.start": {**start, "orbit": "nothing.h5"}})
     refused(f"points 1 to {branch['parameter'].values.size}", **{"run.start": {**start, "point": 9999}})
     refused("its branches are 0 to", **{"run.start": {**start, "branch": 99}})
-    refused("it has none", **{"run.start": {**start, "fold_curve": 0}})
+    refused("it has none", **{"run.start": {**start, "special_curve": 0}})
     refused("another structure", **{"run.start": start, "beam.thickness": 0.004})
     refused("harmonic excitation", **{"run.start": start, "excitation": {"kind": "none"}})
     ran = beamsim.write_result(

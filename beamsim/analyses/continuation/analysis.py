@@ -13,9 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.continuation.folds import FoldPath, fold_datasets, follow_folds
 from beamsim.analyses.continuation.overlay import OverlayCurve, overlay_curve, overlay_datasets
 from beamsim.analyses.continuation.result import ContinuationResult
+from beamsim.analyses.continuation.special_curves import (
+    SpecialCurve,
+    follow_special_points,
+    omissions,
+    special_curve_datasets,
+)
 from beamsim.analyses.sweep.analysis import sweep
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.errors import ScenarioError
@@ -80,7 +85,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     Returns
     -------
     ContinuationResult
-        Traced branches of all levels, and curves of their folds if requested.
+        Traced branches of all levels, and curves of their special points if requested.
 
     Raises
     ------
@@ -93,10 +98,10 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
     model = response_model(scenario)
     settings, grown = model.settings, progress_that_grows(progress)
     curves_share = 1.0 if settings.overlay is None else SHARE_OF_BRANCHES
-    branches, folds, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share))
-    datasets = response_datasets(model, branches) | fold_datasets(model, folds)
+    branches, curves, remarks, left = _follow_levels(model, part_of(grown, 0.0, curves_share))
+    datasets = response_datasets(model, branches) | special_curve_datasets(model, curves)
     points = datasets["points"]
-    outcome = _outcome(model, points, remarks)
+    outcome = _outcome(model, points, [*remarks, *omissions(model, curves)])
     overlay: list[OverlayCurve] | None = []
     interrupted = stop_requested()
     missing = [f"level {level:.4g} {scenario.level_unit}" for level in left]
@@ -119,7 +124,7 @@ def continuation(scenario: Scenario, progress: Progress = None) -> ContinuationR
         wall_time_s=clock.perf_counter() - begin,
     )
     return result.with_summary(
-        **_summary(model, result, folds),
+        **_summary(model, result, curves),
         without_limit=growing_with_modes(branches),
         method=settings.method.kind,
         followed=[_branch_summary(result, branch) for branch in result.branches],
@@ -137,8 +142,10 @@ def _with_missing(outcome: Outcome, missing: Sequence[str]) -> Outcome:
 
 def _follow_levels(
     model: ResponseModel, report: Progress
-) -> tuple[list[MeasuredBranch], list[FoldPath], list[Outcome], Sequence[float]]:
-    """Trace branches and folds level by level; also returns remarks and the levels that were not computed.
+) -> tuple[list[MeasuredBranch], list[SpecialCurve], list[Outcome], Sequence[float]]:
+    """Trace branches and curves of special points level by level.
+
+    Also returns remarks, and the levels that were not computed.
 
     Raises
     ------
@@ -148,11 +155,11 @@ def _follow_levels(
     settings = model.settings
     levels = model.levels if model.followed.kind != "level" else (model.levels[0],)
     branches: list[MeasuredBranch] = []
-    folds: list[FoldPath] = []
+    curves: list[SpecialCurve] = []
     remarks: list[Outcome] = []
     for index, level in enumerate(levels):
         if branches and stop_requested():
-            return branches, folds, remarks, levels[index:]
+            return branches, curves, remarks, levels[index:]
         budget = Budget(
             settings.most_points, settings.longest_time, settings.most_branch_points, settings.most_side_points,
             settings.most_branches,
@@ -161,13 +168,13 @@ def _follow_levels(
         if not traced:
             if not branches:
                 raise KeyboardInterrupt
-            return branches, folds, remarks, levels[index:]
+            return branches, curves, remarks, levels[index:]
         remarks += _remarks(model, traced, budget, level if len(levels) > 1 else None)
         if model.second is not None:
-            of_level = follow_folds(model, traced, level, budget)
-            folds += [replace(curve, branch=len(branches) + curve.branch) for curve in of_level]
+            of_level = follow_special_points(model, traced, level, budget)
+            curves += [replace(curve, branch=len(branches) + curve.branch) for curve in of_level]
         branches += [response(model, branch, level) for branch in traced]
-    return branches, folds, remarks, ()
+    return branches, curves, remarks, ()
 
 
 def _warnings(model: ResponseModel, points: Dataset) -> tuple[str, ...]:
@@ -292,7 +299,7 @@ def _truncation_outcome(points: Dataset, method: HarmonicBalance) -> Iterator[Ou
         )  # fmt: skip
 
 
-def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[FoldPath]) -> dict[str, Any]:
+def _summary(model: ResponseModel, result: ContinuationResult, curves: Sequence[SpecialCurve]) -> dict[str, Any]:
     branches, points = result.branches, result["points"]
     level, period = (result["branches"][name].values.tolist() for name in ("level", "period_multiple"))
     special = result["special_points"]
@@ -331,8 +338,9 @@ def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[F
     }  # fmt: skip
     if model.second is not None:
         summary["second_parameter"] = model.second.kind
-        summary["fold_curves"] = [
+        summary["special_curves"] = [
             {
+                "kind": c.kind,
                 "start_hz": c.start_hz,
                 "touching": c.touching,
                 "points": int(c.frequency_hz.size),
@@ -341,8 +349,9 @@ def _summary(model: ResponseModel, result: ContinuationResult, folds: Sequence[F
                 "smallest_hz": float(c.frequency_hz.min(initial=np.inf)),
                 "largest_hz": float(c.frequency_hz.max(initial=-np.inf)),
                 "status": c.outcome.of_part,
+                "events": [dict(zip(("kind", "frequency_hz", "parameter"), of, strict=True)) for of in c.events],
             }
-            for c in folds
+            for c in curves
         ]
     if "neglected_harmonics" in points:
         summary["neglected_harmonics"] = float(points["neglected_harmonics"].values.max())

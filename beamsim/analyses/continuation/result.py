@@ -15,9 +15,10 @@ from beamsim.labelled import ROW, Dataset, Layout, Variable
 from beamsim.results.branch import (
     BRANCHES,
     FLAGS,
-    FOLD_CURVES,
-    FOLD_POINTS,
     POINTS,
+    SPECIAL_CURVE_EVENTS,
+    SPECIAL_CURVE_POINTS,
+    SPECIAL_CURVES,
     SPECIAL_POINTS,
     harmonics_of,
     is_symmetric,
@@ -114,10 +115,12 @@ PEAK = record(
      **dict.fromkeys(("frequency_hz", "parameter", "value_m", "level", "period_multiple"), Number)},
     {"direction": Text},
 )  # fmt: skip
-FOLD_CURVE = record(
+CURVE_EVENT = record({"kind": Text, "frequency_hz": Number, "parameter": Number})
+SPECIAL_CURVE = record(
     dict.fromkeys(("smallest_parameter", "largest_parameter", "smallest_hz", "largest_hz"), Number),
-    {"start_hz": Number, "points": Number, "touching": Text, "status": Text},
-)
+    {"kind": Text, "start_hz": Number, "points": Number, "touching": Text, "status": Text,
+     "events": list_of(CURVE_EVENT)},
+)  # fmt: skip
 FOLLOWED = record(
     {"ended": Text, **dict.fromkeys(("level", "period_multiple", "points", "stable_points"), Number)},
     {"off_centre": Text, "largest_mean_m": Number},
@@ -142,9 +145,10 @@ _SUMMARY = (
     *OF_STABLE,
     Entry("without_stable_motion", "", "bands of the parameter without a stable motion found: band, level",
              form=list_of(BAND)),
-    Entry("second_parameter", "", "what folds are followed in", form=Text),
-    Entry("fold_curves", "", "by curve of folds: its start, points, extents in the second parameter and frequency",
-             form=list_of(FOLD_CURVE)),
+    Entry("second_parameter", "", "what special points are followed in", form=Text),
+    Entry("special_curves", "", "by curve of special points: kind, start, points, extents in the second parameter and "
+             "frequency, and its own special points",
+             form=list_of(SPECIAL_CURVE)),
     MARGINS,
     Entry("multiple_scales", "", "by level, of the expansion: points, differences from exact motions, observed orders",
              form=list_of(record({"level": Number, "observed_orders": list[Number]}))),
@@ -207,7 +211,7 @@ class ContinuationResult(Result):
     ('point',)
     >>> [(row["kind"], round(row["parameter"], 2)) for row in result["special_points"].rows("event")]
     [('grazing', 10.72)]
-    >>> result.coexisting(), result.fold_curves, result.second_unit, result.overlay
+    >>> result.coexisting(), result.special_curves, result.second_unit, result.overlay
     ([], (), '', {})
     """
 
@@ -219,8 +223,9 @@ class ContinuationResult(Result):
         BRANCHES,
         POINTS,
         SPECIAL_POINTS,
-        FOLD_CURVES,
-        FOLD_POINTS,
+        SPECIAL_CURVES,
+        SPECIAL_CURVE_POINTS,
+        SPECIAL_CURVE_EVENTS,
         OVERLAY,
         OVERLAY_CYCLES,
         *EXPANSION,
@@ -237,10 +242,10 @@ class ContinuationResult(Result):
         return rows_by_owner(self["branches"], self["points"], "branch")
 
     @cached_property
-    def fold_curves(self) -> tuple[Dataset, ...]:
-        """The same for each curve of folds in two parameters; none if it was not asked for."""
-        known = "fold_curves" in self.datasets
-        return rows_by_owner(self["fold_curves"], self["fold_points"], "fold_curve") if known else ()
+    def special_curves(self) -> tuple[Dataset, ...]:
+        """The same for each curve of special points in two parameters; none if it was not asked for."""
+        known = "special_curves" in self.datasets
+        return rows_by_owner(self["special_curves"], self["special_curve_points"], "special_curve") if known else ()
 
     @property
     def parameter(self) -> str:
@@ -259,13 +264,13 @@ class ContinuationResult(Result):
 
     @property
     def second_unit(self) -> str:
-        """Unit of the second parameter of fold curves; empty without folds."""
-        return self["fold_points"]["parameter"].unit if "fold_points" in self.datasets else ""
+        """Unit of the second parameter of curves of special points; empty without them."""
+        return self["special_curve_points"]["parameter"].unit if "special_curve_points" in self.datasets else ""
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """Unit of values whose entry does not name it; see `Result.unit_of`."""
         if keys and keys[-1] in ("parameter", "band"):
-            return self.unit
+            return self.second_unit if entry.name == "special_curves" else self.unit
         if keys and keys[-1] in ("smallest_parameter", "largest_parameter"):
             return self.second_unit
         if keys and keys[-1] == "level" and entry.name != "gapping":

@@ -361,9 +361,9 @@ _ORBIT = "run.start.orbit"
 
 @dataclass(frozen=True)
 class StoredOrbit:
-    """Point of a branch or of a fold curve in a result file."""
+    """Point of a branch or of a curve of special points in a result file."""
 
-    parameter: str  # frequency, level, gap or stiffness; for a fold curve the second parameter
+    parameter: str  # frequency, level, gap or stiffness; for a special curve the second parameter
     snubber: str
     value: float  # value of the parameter, SI
     frequency_hz: float
@@ -387,15 +387,17 @@ def read_orbit(start: OrbitStart, folder: Path | None) -> StoredOrbit:
         with reading(path, "a result", "run the continuation again"), open_hdf5(path) as file:
             if file.attrs.get("command") != "sweep" or file.attrs.get("kind") != "continuation":
                 _reject(f"= {start.orbit} holds no continuation", "give the file of a sweep with kind: continuation")
-            of_folds = start.fold_curve is not None
+            of_curves = start.special_curve is not None
             table, column, points = (
-                ("fold_curves", "fold_curve", "fold_points") if of_folds else ("branches", "branch", "points")
+                ("special_curves", "special_curve", "special_curve_points")
+                if of_curves
+                else ("branches", "branch", "points")
             )
-            number = not_none(start.fold_curve) if of_folds else start.branch
+            number = not_none(start.special_curve) if of_curves else start.branch
             count = file[f"{table}/{column}"].size if table in file else 0
-            if number >= count and of_folds:
-                has = f"its curves of folds are 0 to {count - 1}" if count else "it has none"
-                _reject(f"= {number} is not in the file", has, "run.start.fold_curve")
+            if number >= count and of_curves:
+                has = f"its curves of special points are 0 to {count - 1}" if count else "it has none"
+                _reject(f"= {number} is not in the file", has, "run.start.special_curve")
             if number >= count:
                 _reject(f"= {number} is not in the file", f"its branches are 0 to {count - 1}", "run.start.branch")
             if not is_as_written(path):

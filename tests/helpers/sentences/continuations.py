@@ -132,9 +132,13 @@ def _without_stable(facts, found):
             yield f"no point at all is between {low:.6g} and {high:.6g}"
 
 
-@rule("line", r"folds in (.*?): (.*), at (.*)")
-def _fold_curves(facts, found):
-    for curve in facts.summary["fold_curves"]:
+@rule(
+    "line",
+    r"(?:[A-Za-z–]+ )*(?:folds|doublings|bifurcations|grazings|points) in (.*?): (.*), at ([^(]*)"
+    r"(?: \(.*just touches\))?",
+)
+def _special_curves(facts, found):
+    for curve in facts.summary["special_curves"]:
         unit = {"level": level_unit(facts)}.get(found[1].split()[-1], PARAMETER_UNITS.get(found[1].split()[-1], "1"))
         ends = (curve["smallest_parameter"], curve["largest_parameter"])
         if not [
