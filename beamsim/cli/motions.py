@@ -44,7 +44,8 @@ def run_screen(result: RunResult) -> Screen:
         where = ", ".join(f"{axis} = {amount(place, 'm') if place else '0'}" for axis, place in at.items())
         lines.append(f"bending stress {errors.number(stress, 'Pa', 'largest_bending_stress_pa')} at {body}{where}")
     histories = result["histories"]
-    names = list(dict.fromkeys((*histories.labels("snubber"), *histories.labels("probe"))))
+    rings = s.get("rings") or {}
+    names = list(dict.fromkeys((*rings, *histories.labels("snubber"), *histories.labels("probe"))))
     for entry, lines_of in OPTIONAL_LINES.items():
         if s.get(entry):
             lines += lines_of(result, errors)
@@ -167,15 +168,20 @@ def _expected_peak(signal: Mapping[str, Any]) -> str:
 
 
 def _place(s: Mapping[str, Any], errors: Errors, name: str, limits: Mapping[str, list[str]]) -> dict[str, str]:
-    """Row of a place: a probe, a snubber, or both."""
-    headings = "", "peak force", "peak moment", "in contact, times", "displacement", "acceleration"
+    """Row of a place: a probe, a snubber or ring, or both."""
+    headings = "", "peak force", "penetration", "peak moment", "in contact, times", "displacement", "acceleration"
     row = dict.fromkeys(headings, "") | {"": name}
-    for heading, entry, unit in (("peak force", "peak_force_n", "N"), ("peak moment", "peak_moment_n_m", "N m")):
+    forces = (("peak force", "peak_force_n", "N"), ("peak moment", "peak_moment_n_m", "N m"),
+              ("peak force", "peak_ring_force_n", "N"))  # fmt: skip
+    for heading, entry, unit in forces:
         if name in s.get(entry, ()):
             row[heading] = errors.number(s[entry][name], unit, entry, name)
     if name in s["contact_share"]:
         share = percent(s["contact_share"][name]) + errors.mark("contact_share", name)
         row["in contact, times"] = f"{share}, {s['contacts'][name]}{errors.mark('contacts', name)}"
+    if name in (s.get("rings") or {}):
+        row["in contact, times"] = percent(s["rings"][name]["contact_share"])
+        row["penetration"] = errors.number(s["ring_penetration_m"][name], "m", "ring_penetration_m", name)
     if name in s["max_displacement_m"]:
         low, high = (
             errors.number(s[entry][name], "m", entry, name, s["peak_displacement_m"][name])

@@ -37,6 +37,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.scenario.body import LocatedItem
 from beamsim.scenario.connections import HingeElement
+from beamsim.scenario.rings import RingPart
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of
 from beamsim.typing import Floats, Ints
@@ -49,7 +50,8 @@ class SpringInfo:
     """One spring with a law of its own: where it acts, and F = linear x + that of the law, or cubic x^3."""
 
     name: str
-    kind: str  # "linear" (which relaxes), "cubic", "piecewise_linear", "spring" of a joint, or "friction"
+    # "linear" (which relaxes), "cubic", "piecewise_linear", "spring" of a joint, "friction", or a part of a ring
+    kind: str
     places: tuple[str, ...]  # what it connects to the ground, or the two places that it joins, for people
     masses: tuple[int, ...]  # their numbers where they are masses
     shape: Floats  # (n,) extension for a unit of each coordinate, 1/sqrt(kg)
@@ -60,6 +62,13 @@ class SpringInfo:
     law: ContactLaw | None  # the force apart from the linear part and the cubic one, by the extension
     normal_force: float | None = None  # N, of friction where it is constant
     gap_unit: str = "m"  # of the extension; rad in a hinge, whose forces are moments
+    gap: float = 0.0  # m, extension at which the law begins
+    part: RingPart | None = None  # of a ring
+
+    @property
+    def listed_as(self) -> str:
+        """Section of results: springs, friction or rings."""
+        return "rings" if self.part is not None else "friction" if self.kind == FRICTION else "springs"
 
     @property
     def base_influence(self) -> Floats:
@@ -111,6 +120,8 @@ def describe_springs(
             numbers = (0.0, float(spring.stiffness), _as_installed(relaxing_law(None, branches), maxwell, (1.0, -1.0)))
         elif spring.kind == FRICTION:
             numbers = (0.0, 0.0, _law_of_friction(spring))
+        elif isinstance(spring, RingPart):
+            numbers = (0.0, 0.0, _law_of_ring(spring))
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):  # moved by what varies them
                 raise ScenarioError(
@@ -123,13 +134,16 @@ def describe_springs(
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             law = _as_installed(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
             numbers = (0.0, float(spring.linear_stiffness), law)
-        on_ground = len(places) == 1 and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
+        part = spring if isinstance(spring, RingPart) else None
+        alone = len(places) == 1 or part is not None
+        on_ground = alone and spring.kind != JOINT and getattr(spring, "mounted_on", "ground") == "ground"
         on_ground = on_ground and not isinstance(spring, HingeElement)
         cubic, linear, own = numbers
         infos.append(
             SpringInfo(
                 spring.name, spring.kind, places, masses, row, on_ground, by_base, cubic, linear, own,
                 _normal_force(spring), gap_unit="rad" if isinstance(spring, HingeElement) else "m",
+                gap=part.distance if part else 0.0, part=part,
             )
         )  # fmt: skip
     return tuple(infos)
@@ -149,6 +163,13 @@ def _law_of_friction(contact: Any) -> ContactLaw:
     if (speed := contact.coefficients.stribeck_speed) is not None:
         return falling_friction_law(forces[0], forces[1], speed, forces[2])
     return rigid_friction_law(*forces) if contact.stiffness is None else friction_law(contact.stiffness, *forces)
+
+
+def _law_of_ring(part: RingPart) -> ContactLaw:
+    from beamsim.contacts.rings import side_law
+
+    ring = part.ring
+    return side_law(ring.sides, part.curvature_radius, ring.largest_penetration, ring.stiffness, ring.dashpot)
 
 
 def pressed_by(springs: Sequence[LocatedItem], snubbers: Sequence[str]) -> Ints | None:
@@ -173,13 +194,13 @@ def cubic_springs(springs: Sequence[SpringInfo]) -> CubicSprings | None:
 
 
 def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
-    """Springs with laws of phases as contacts whose penetration is the extension."""
+    """Springs with laws of phases as contacts whose penetration is the extension beyond their gap."""
     piecewise = [s for s in springs if s.law is not None]
     count = len(piecewise)
     return Contacts(
         shape=np.array([s.shape for s in piecewise]).reshape(count, size),
         sign=-np.ones(count),
-        gap=np.zeros(count),
+        gap=np.array([s.gap for s in piecewise]),
         on_ground=np.array([s.on_ground for s in piecewise], dtype=bool),
         laws=tuple(s.law for s in piecewise if s.law is not None),
         base_participation=np.array([s.base_participation for s in springs])[[s.law is not None for s in springs]],

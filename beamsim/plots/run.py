@@ -741,10 +741,48 @@ def _matched_figures(result: RunResult) -> dict[str, Picture]:
     return {"matched_spectrum": Picture(result.title, [matched_spectrum(result["matched"])])}
 
 
+def ring_orbit(rings: Dataset, name: str) -> Chart:
+    """Motion in the plane of a ring, relative to its centre, with the clearance.
+
+    Parameters
+    ----------
+    rings : of the run.
+    name : of the ring.
+    """
+    of = rings.sel(ring=name)
+    x, y = (of[f"{each}_position"].values[-MOST_STATES:] for each in ("first", "second"))
+    touching, turn = of["force"].values[-MOST_STATES:] > 0.0, np.linspace(0.0, 2.0 * np.pi, 181)
+    wall = of["first_gap"].item() * np.cos(turn), of["second_gap"].item() * np.sin(turn)
+    curves = [
+        Curve("clearance", *wall, {"color": "black", "linewidth": 0.9, "linestyle": "--"}),
+        Curve("free", x, np.where(touching, np.nan, y), {"color": _FREE, "linewidth": 0.8, "linestyle": "-"}),
+        Curve("in contact", x, np.where(with_neighbours(touching), y, np.nan),
+              {"color": _CLOSED, "linewidth": 1.6, "linestyle": "-"}),
+    ]  # fmt: skip
+    scale = scale_for("m", x, y, *wall)
+    axes = [(f"{name}: {of[f'{each}_direction'].item()}", scale) for each in ("first", "second")]
+    return Chart(axes[0], axes[1], curves, draw_extra=lambda ax, *_: ax.set_aspect("equal", adjustable="datalim"))
+
+
+def _ring_figures(result: RunResult) -> dict[str, Picture]:
+    """Orbits in the planes of the rings, and their forces."""
+    rings = result["rings"]
+    names = rings.labels("ring")[:MOST_CURVES]
+    orbits = [ring_orbit(rings, name) for name in names]
+    forces = {name: force.values for name, force in rings.by_label("force").items()}
+    levels = limit_levels(result.scenario.limits, "peak_ring_force")
+    charts = histories(result, ("Force of rings", "N"), forces, levels, noun="rings")
+    return {
+        "ring_orbit": Picture(result.title, orbits, columns=min(len(orbits), 3)),
+        "ring_force": Picture(result.title, charts),
+    }
+
+
 FIGURES_OF_DATASETS: dict[str, Callable[[RunResult], dict[str, Picture]]] = {  # of what not every run has
     "random": _random_figures,
     "srs": _shock_figures,
     "matched": _matched_figures,
+    "rings": _ring_figures,
     "impacts": impact_figures,
     "fatigue": lambda result: {"stress_cycles": stress_cycles(result)},
 }

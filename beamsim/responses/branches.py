@@ -128,8 +128,17 @@ def _reported_maxima(model: ResponseModel, channels: ChannelSet) -> list[Reporte
         value, place = parse_limit(name)
         columns = [k for each, k in channels.first_columns if value.is_extreme_of(each) and place in ("", each.name)]
         some = [np.array(columns)] if value.single else [np.array([k]) for k in columns]
+        if value.section == "rings":
+            some = [*_columns_of_rings(channels, value, place)]
         maxima += [ReportedMaximum(largest_of(value, each), True) for each in some if each.size]
     return maxima
+
+
+def _columns_of_rings(channels: ChannelSet, value: Value, place: str) -> Iterator[Ints]:
+    """Columns of a value of each ring, or of the ring with a name."""
+    for each, k in channels.first_columns:
+        if value.is_extreme_of(each) and place in ("", each.name):
+            yield np.arange(k, k + each.columns)
 
 
 def response_datasets(model: ResponseModel, branches: Sequence[MeasuredBranch]) -> dict[str, Dataset]:
@@ -222,6 +231,10 @@ def _extremes(model: ResponseModel, channels: ChannelSet, ends: Floats) -> dict[
     if opening is not None:
         in_metres = np.array([snubber.gap_unit == "m" for snubber in model.system.snubbers])
         values["peak_gap"] = np.where(in_metres[:, None], opening.T, np.nan)
+    if model.system.springs and model.system.rings:
+        from beamsim.system.rings import ring_columns
+
+        values |= ring_columns(model.system.rings, channels, ends[:, 0], ends[:, 1])
     outputs = [(each, k) for each, k in channels.first_columns if each.section == "outputs"]
     return values | {
         "peak_bending_stress": None if stress is None else stress.max(axis=1),

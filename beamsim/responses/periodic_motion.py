@@ -27,7 +27,7 @@ from beamsim.orbits.period import PIECES, polynomial_extrema
 from beamsim.responses.loads import harmonic_loads, sine_of
 from beamsim.responses.orbit_energies import balance_error, energy_error, energy_errors
 from beamsim.responses.stepped_channels import SteppedChannels
-from beamsim.results.values import DISPLACEMENT, LIMITED
+from beamsim.results.values import DISPLACEMENT, LIMITED, of_ring
 from beamsim.scenario.excitation import Sine
 from beamsim.signals.records import RECTANGULAR
 from beamsim.system.equations import ChannelSet, Forcing
@@ -64,7 +64,7 @@ def measured_channels(system: StructuralSystem, limits: Collection[str] = ()) ->
     limits : names of the limits.
     """
     keys = {value.key for name, value in LIMITED.items() if value.in_sweeps or name in limits}
-    return system.channels.select(lambda channel: channel.key in keys or channel.section == "outputs")
+    return system.channels.select(lambda each: each.key in keys or each.section == "outputs" or of_ring(each))
 
 
 @dataclass

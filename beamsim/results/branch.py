@@ -242,6 +242,9 @@ POINTS = Layout(
             "largest opening of the contact in a cycle or period, where its gap is limited; NaN in a hinge",
             optional=True,
         ),
+        "ring": Variable(("ring",), "1", "name of the ring", str, optional=True),
+        "peak_radial_force": Variable(("ring", *_POINT), "N", "largest force of the ring", optional=True),
+        "ring_penetration": Variable(("ring", *_POINT), "m", "largest penetration into the ring", optional=True),
         "peak_bending_stress": Variable(
             _POINT, "Pa", "largest bending stress along the beam in a cycle or period, where it is limited",
             optional=True,

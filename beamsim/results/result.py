@@ -446,7 +446,7 @@ def line_warnings(inputs: Iterable[InputStatement], modes: Dataset) -> list[str]
 
 
 def warnings_along(scenario: Scenario, modes: Dataset, points: Dataset) -> list[str]:
-    """What `deflection_warnings` and `forces_beyond_tables` say of the cycles of sweeps, or the points of branches.
+    """Warnings about large deflections, forces and penetrations in the cycles of sweeps, or the points of branches.
 
     Parameters
     ----------
@@ -457,7 +457,26 @@ def warnings_along(scenario: Scenario, modes: Dataset, points: Dataset) -> list[
         {name: peak.values for name, peak in points.by_label(f"peak_{quantity}").items()}
         for quantity in ("displacement", "force")
     )
-    return [*deflection_warnings(scenario, modes, [displacement]), *forces_beyond_tables(scenario, [force])]
+    depths = points.by_label("ring_penetration").items()
+    of_rings = beyond_fitted_range(scenario, {name: float(np.nanmax(of.values, initial=0.0)) for name, of in depths})
+    return [*deflection_warnings(scenario, modes, [displacement]), *forces_beyond_tables(scenario, [force]), *of_rings]
+
+
+def beyond_fitted_range(scenario: Scenario, penetrations: Mapping[str, float]) -> list[str]:
+    """A warning for each ring whose force is not fitted as far as the motion goes.
+
+    Parameters
+    ----------
+    scenario : with the rings.
+    penetrations : m, the largest of each ring by name.
+    """
+    return [
+        f"snubbers.{ring.name}: the penetration reaches {1e3 * penetrations[ring.name]:.4g} mm, and the force is "
+        f"accurate up to largest_penetration = {1e3 * ring.largest_penetration:.4g} mm; raise it to "
+        f"{1.2e3 * penetrations[ring.name]:.2g} mm"
+        for ring in scenario.rings
+        if penetrations.get(ring.name, 0.0) > ring.largest_penetration
+    ]
 
 
 def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Floats]]) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -27,6 +28,8 @@ ROUND_OFF_PULL = 1e-9  # of the largest contact force
 DISPLACEMENT, ACCELERATION = ("probes", "displacement"), ("probes", "absolute_acceleration")
 FORCE, PENETRATION, OPENING = ("snubbers", "force"), ("snubbers", "penetration"), ("snubbers", "opening")
 STRESS = ("bodies", "bending_stress")
+RING_FORCE, RING_PENETRATION = ("rings", "radial_force"), ("rings", "penetration")
+UNSAMPLED = (STRESS, RING_FORCE, RING_PENETRATION)  # channels of many columns, without histories
 ROTATIONAL = ("N m", "rad")  # units of values that are there only where a hinge has them
 ALWAYS_THERE = ("probes", "snubbers")  # sections whose entries are there even where they are empty
 
@@ -83,6 +86,11 @@ def largest_pulls(forces: Extreme) -> Floats:
     return np.where(-low > ROUND_OFF_PULL * high, np.maximum(-low, 0.0), 0.0)
 
 
+def highest_penetrations(penetrations: Extreme) -> Floats:
+    """(k,) largest penetrations, m."""
+    return np.asarray(np.maximum(penetrations[2], 0.0))
+
+
 def largest_openings(openings: Extreme) -> Floats:
     """(m,) largest distances of contacts to their faces, m."""
     return np.asarray(np.maximum(openings[2], 0.0))
@@ -94,6 +102,11 @@ def by_magnitude(channels: Sequence[Channel], extreme: Extreme) -> Extreme:
     low, when_low, high, when_high = extreme
     pulls = both & (-low > high)
     return np.array([low, when_low, np.where(pulls, -low, high), np.where(pulls, when_low, when_high)])
+
+
+def of_ring(channel: Channel) -> bool:
+    """Whether a channel is the force or penetration of a ring, which sweeps and branches follow in any case."""
+    return channel.key in (RING_FORCE, RING_PENETRATION)
 
 
 def merge_extremes(first: Extreme | None, second: Extreme) -> Extreme:
@@ -200,6 +213,10 @@ VALUES = (
           "largest magnitude of a friction contact's force", "peak friction force"),
     Value("peak_friction_moment", "peak_friction_moment_n_m", "friction", "force", largest, "N m",
           "largest magnitude of the friction moment of a hinge", "peak friction moment"),
+    Value("peak_ring_force", "peak_ring_force_n", *RING_FORCE, largest, "N",
+          "largest force of a ring, in any direction of its plane", "peak ring force", "peak_ring_force"),
+    Value("ring_penetration", "ring_penetration_m", *RING_PENETRATION, highest_penetrations, "m",
+          "largest penetration into a ring, 0 without contact", "ring penetration"),
     Value("peak_output", "peak_output", "outputs", "", largest, "",
           "largest magnitude of an output, in its output_unit", "outputs", "outputs"),
     Value("min_output", "min_output", "outputs", "", itemgetter(0), "", "smallest value of an output"),
@@ -365,9 +382,15 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
             of_all = [number for key in numbers for number in numbers[key]]
             found |= {value.entry: max(of_all)} if of_all else {}
         elif some or (value.section in ALWAYS_THERE and value.unit not in ROTATIONAL):
-            named = {(c.key, c.name): x for k in numbers for c, x in zip(alike[k], numbers[k], strict=True)}
+            named = {(c.key, c.name): x for k in numbers for c, x in _largest_of_each(alike[k], numbers[k])}
             found[value.entry] = {channel.name: named[channel.key, channel.name] for channel in some}
     return found
+
+
+def _largest_of_each(channels: Sequence[Channel], numbers: Sequence[float]) -> Iterator[tuple[Channel, float]]:
+    """Each channel with the largest of its numbers, of which it has one for each of its columns."""
+    rest = iter(numbers)
+    return ((channel, max(islice(rest, channel.columns))) for channel in channels)
 
 
 def parse_limit(name: str) -> tuple[Value, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -251,6 +251,8 @@ class Limits(Schema):
 
     peak_force: ForceLimit | None = None
     """Largest contact force of any snubber, or by snubber."""
+    peak_ring_force: ForceLimit | None = None
+    """Largest force of any ring, or by ring."""
     peak_moment: MomentLimit | None = None
     """Largest contact moment of any stop of a hinge, or by stop."""
     bending_stress: Stress | None = None
@@ -357,11 +359,14 @@ class Limits(Schema):
             of_place = getattr(self, name)
             if of_place is None or name in ("outputs", *self.curves):
                 continue
-            moment, both = name.endswith("moment"), name == "gapping"
+            moment, both, ring = name.endswith("moment"), name == "gapping", name == "peak_ring_force"
             snubbers = moment or name.endswith(("force", "gap", "gapping"))
-            stops = [stop for stop in scenario.all_snubbers if both or isinstance(stop, HingeStop) == moment]
+            stops: Sequence[Any] = scenario.rings
+            if not ring:
+                stops = [stop for stop in scenario.all_snubbers if both or isinstance(stop, HingeStop) == moment]
             if snubbers and not stops:
                 what, remedy = ("stops of hinges", "stops to a hinge") if moment else ("snubbers", "a snubber")
+                what, remedy = ("rings", "a snubber with kind: ring") if ring else (what, remedy)
                 message = f"limits the {what}, and there are none"
                 yield problem((*path, name), message, f"add {remedy}, or leave it out")
             elif isinstance(of_place, dict):

@@ -71,7 +71,7 @@ class ImpactSettings(Schema):
     def problems(self, scenario: Whole, path: Path) -> Problems:
         """Problems: no snubbers, or a method without statistics."""
         yield from closed_form_problems(scenario, path)
-        if not scenario.all_snubbers:
+        if not (scenario.all_snubbers or scenario.rings):
             yield problem(path, "needs a snubber, but there is none", "leave it out, or add a snubber")
 
 

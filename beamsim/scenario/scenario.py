@@ -45,7 +45,6 @@ from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import (
     AnyFriction,
     AnyJoint,
-    AnySnubber,
     GroundSpring,
     LinkSpring,
     Maxwell,
@@ -60,6 +59,7 @@ from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, UsualRange, level_unit, usual_of
 from beamsim.scenario.reporting import AnyOutput, Limits, ReactionOutput, output_dimension
+from beamsim.scenario.rings import AnyStop, RingStop
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.studies import Optimise, Vary
 from beamsim.scenario.sweep import NonlinearMode, Sweep
@@ -276,8 +276,8 @@ class Scenario(Schema):
     springs_between: Annotated[tuple[LinkSpring, ...], NUMBERED] = ()
     """Springs between two points of bodies: linear, cubic or piecewise linear (those of a chain may be listed in
     it)."""
-    snubbers: Annotated[tuple[AnySnubber, ...], NUMBERED] = ()
-    """One-sided stops on bodies and between them (those of a chain may be listed in it)."""
+    snubbers: Annotated[tuple[AnyStop, ...], NUMBERED] = ()
+    """One-sided stops on bodies and between them (those of a chain may be listed in it), and rings."""
     friction: Annotated[tuple[AnyFriction, ...], NUMBERED] = ()
     """Dry friction at points of bodies against the base or the ground, and between two points."""
     gravity: Annotated[Gravity | GravityVector, BY_FORM] = 0.0
@@ -599,11 +599,13 @@ class Scenario(Schema):
         return next((name for name in self.all_bodies if (at := self.body_path(name)) == path[: len(at)]), "")
 
     def refine(self, modes: int) -> Self:
-        """A copy with this number of modes and twice as many elements in every mesh, to estimate errors."""
+        """A copy with this number of modes and twice as many elements and sides of rings, to estimate errors."""
         bodies = {name: body.refine() for name, body in self.all_bodies.items()}
         named = {name: body for name, body in bodies.items() if name in self.bodies}
         single = {name: body for name, body in bodies.items() if name not in self.bodies}
-        return self.model_copy(update={**single, "bodies": named, "reduction": Reduction(modes=modes)})
+        stops = tuple(stop.refine() if isinstance(stop, RingStop) else stop for stop in self.snubbers)
+        finer = {**single, "bodies": named, "snubbers": stops, "reduction": Reduction(modes=modes)}
+        return self.model_copy(update=finer)
 
     @property
     def is_lasting(self) -> bool:
@@ -684,14 +686,20 @@ class Scenario(Schema):
 
     @property
     def nonlinear_springs(self) -> tuple[LocatedItem, ...]:
-        """Springs and joints that are nonlinear or have Maxwell branches, then the friction contacts, with paths."""
+        """Nonlinear springs and joints, or with Maxwell branches, then friction and parts of rings, with paths."""
         springs = self.listed("springs_to_ground", "springs_between", "joints")
-        return (*(spring for spring in springs if has_own_law(spring.item)), *self.listed("friction"))
+        parts = (at._replace(item=part) for at in self.listed("snubbers") for part in getattr(at.item, "parts", ()))
+        return (*(spring for spring in springs if has_own_law(spring.item)), *self.listed("friction"), *parts)
 
     @property
     def has_cubic_springs(self) -> bool:
         """Whether the motion has no closed form because of a cubic spring."""
         return any(located.item.kind == "cubic" for located in self.nonlinear_springs)
+
+    @property
+    def rings(self) -> tuple[RingStop, ...]:
+        """The rings."""
+        return tuple(stop for stop in self.snubbers if isinstance(stop, RingStop))
 
     @property
     def all_snubbers(self) -> tuple[Any, ...]:

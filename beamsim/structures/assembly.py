@@ -110,6 +110,7 @@ def _slope_of(site: Site) -> Site:
     """The same places, in the direction of the slope."""
     if isinstance(site, Link):
         return Link(replace(site.first, direction=SLOPE), replace(site.second, direction=SLOPE))
+    assert isinstance(site, Place)
     return replace(site, direction=SLOPE)
 
 

@@ -188,22 +188,49 @@ class Link:
         return sum(y) / 2 if len(y) == 2 else None
 
 
-Site = Place | Link
+@dataclass(frozen=True)
+class PlaneDirection:
+    """A direction in the plane of two places: the motion of each along its own direction, with a factor."""
+
+    first: Place
+    second: Place
+    factors: tuple[float, float]  # direction cosines, where both directions are perpendicular
+
+    @property
+    def label(self) -> str:
+        """Text for messages."""
+        return f"{self.first.label} and {self.second.label}"
+
+    @property
+    def coordinate(self) -> float:
+        """Coordinate of the first place."""
+        return self.first.coordinate
+
+    @property
+    def position_y(self) -> float | None:
+        """y of the first place."""
+        return self.first.position_y
+
+
+Site = Place | Link | PlaneDirection
 
 LoadSite = Site | LoadedRegion
 """Place of a load."""
 
 
 def ends_of(site: LoadSite) -> tuple[Place, ...]:
-    """The place, or both places of a link; empty for a distributed load."""
+    """The place, or both places of a link or a plane; empty for a distributed load."""
     if isinstance(site, LoadedRegion):
         return ()
-    return (site.first, site.second) if isinstance(site, Link) else (site,)
+    return (site,) if isinstance(site, Place) else (site.first, site.second)
 
 
 def signed_ends(site: Site) -> list[tuple[float, Place]]:
-    """The places of a site, with the sign of the extension for a unit motion of each."""
-    return [(-1.0, site.first), (1.0, site.second)] if isinstance(site, Link) else [(1.0, site)]
+    """The places of a site, with the extension for a unit motion of each."""
+    if isinstance(site, Place):
+        return [(1.0, site)]
+    first, second = (-1.0, 1.0) if isinstance(site, Link) else site.factors
+    return [(first, site.first), (second, site.second)]
 
 
 def _of_nodes(name: str, body: Body, place: Any) -> Place:
@@ -243,7 +270,11 @@ def site_of(item: Any, body: str, sections: Mapping[str, Body]) -> Site:
         else:
             label, point = f"{point:g} m" if place.mass is None else f"mass {place.mass}", float(point)
         sites.append(Place(name, point, label=f"{name} {label}" if place.body else label))
-    return sites[0] if len(sites) == 1 else Link(*sites)
+    if len(sites) == 1:
+        return sites[0]
+    factors = getattr(item, "factors", None)
+    first, second = sites
+    return Link(first, second) if factors is None else PlaneDirection(first, second, factors)
 
 
 def load_site_of(item: Any, body: str, sections: Mapping[str, Body]) -> LoadSite:

@@ -24,6 +24,7 @@ from beamsim.structures.places import (
     LoadedRegion,
     LoadSite,
     Place,
+    PlaneDirection,
     Recovery,
     Site,
     ends_of,
@@ -242,8 +243,8 @@ class Structure(ABC):
         ValueError
             If the body has no motion in that direction, or cannot carry a distributed load.
         """
-        if isinstance(site, Link):
-            return np.asarray(self.row(site.second) - self.row(site.first))
+        if isinstance(site, (Link, PlaneDirection)):
+            return np.asarray(sum(factor * self.row(end) for factor, end in signed_ends(site)))
         member = self.member(site.body)
         return np.asarray((member.body.unsupported_row(site) @ member.body.all_dofs_map) @ member.expansion)
 
@@ -260,12 +261,14 @@ class Structure(ABC):
     def loaded_sites(self, sites: Sequence[LoadSite]) -> list[LoadSite]:
         """Sites of unit forces whose static deflections a reduced model needs.
 
-        The ends of a link are loaded separately if it joins two bodies, or if moments are recovered.
+        The ends of a link are loaded separately if it joins two bodies, or if moments are recovered; so are both
+        places of a plane, since its directions share them.
         """
         loaded: dict[LoadSite, None] = {}
         for site in sites:
-            apart = isinstance(site, Link) and (
-                site.first.body != site.second.body or self.member(site.first.body).body.recovers_moments
+            apart = isinstance(site, PlaneDirection) or (
+                isinstance(site, Link)
+                and (site.first.body != site.second.body or self.member(site.first.body).body.recovers_moments)
             )
             loaded |= dict.fromkeys(ends_of(site) if apart else (site,))
         return list(loaded)
@@ -303,8 +306,10 @@ class Structure(ABC):
         x, y, z = motion.axis_point
         return replace(motion, axis_point=(x - dict(self.origins).get(body, 0.0), y, z))
 
-    def base_motion_at(self, place: Place, motion: BaseDirection) -> float:
+    def base_motion_at(self, place: Place | PlaneDirection, motion: BaseDirection) -> float:
         """Rigid motion of a place in its direction, m or rad, for a unit motion of the base."""
+        if isinstance(place, PlaneDirection):
+            return sum(factor * self.base_motion_at(end, motion) for factor, end in signed_ends(place))
         body = self.member(place.body).body
         return float(body.unsupported_row(place) @ body.rigid_motion(self.base_direction_of(place.body, motion)))
 

@@ -30,7 +30,9 @@ from beamsim.structures.places import (
     LoadedRegion,
     LoadSite,
     Place,
+    PlaneDirection,
     Site,
+    signed_ends,
 )
 from beamsim.structures.reduction import static_deflections
 from beamsim.structures.structure import Coupling, MemberBody, Structure, UnitMotion
@@ -165,8 +167,8 @@ class Support:
 
     def share(self, site: LoadSite) -> float:
         """Share of a unit load that the support carries; its reaction is the opposite."""
-        if isinstance(site, Link):
-            return self.share(site.second) - self.share(site.first)
+        if isinstance(site, (Link, PlaneDirection)):
+            return sum(factor * self.share(end) for factor, end in signed_ends(site))
         return self.direct(site) + float(self.structure.row(site) @ self.shape)
 
 

@@ -240,7 +240,7 @@ def check_places(moving_supports: Sequence[MovingSupport], places: Sequence[tupl
     """Refuse contacts and probes at places that move with a support: their motion is not that of a free point."""
     problems = []
     for path, site in places:
-        ends = (site.first, site.second) if isinstance(site, Link) else (site,)
+        ends = ends_of(site)
         for each in moving_supports:
             if any(abs(each.support.direct(end)) > 1e-9 for end in ends):
                 where = path_text((*each.path, "applied_to"))

@@ -15,7 +15,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -51,6 +51,9 @@ from beamsim.system.equations import (
 )
 from beamsim.system.reduced_model import ReducedModel, force_sites, gravity_loads
 from beamsim.typing import Floats, Ints
+
+if TYPE_CHECKING:
+    from beamsim.system.rings import RingInfo
 
 DISTINCT_RATIO_FACTOR = 1.3  # factor between damping ratios that count as different
 DAMPING_ROUND_OFF = 1e-14  # damping between two modes relative to the largest of a mode; a smaller value is round-off
@@ -333,6 +336,7 @@ class StructuralSystem:
         channels = [*_of_probes(self, sizes), *_of_snubbers(self, sizes)]
         if self.springs:
             channels += _of_springs(self, sizes)
+            channels += [channel for ring in self.rings for channel in ring.channels(sizes, self.model)]
         channels += self.outputs
         if (stress := self.stress) is not None:
             by_base = stress.base.reshape(stress.row.shape[0], -1)[:, : len(self.base)]
@@ -340,6 +344,13 @@ class StructuralSystem:
             rows = sizes.rows(stress.row.shape[0], displacement=stress.row, load=by_base)
             channels.append(Channel("bodies", "", "bending_stress", "Pa", rows))
         return ChannelSet(tuple(channels), sizes)
+
+    @cached_property
+    def rings(self) -> tuple[RingInfo, ...]:
+        """The rings, whose sides are contacts."""
+        from beamsim.system.rings import rings_of
+
+        return rings_of(self.springs, len(self.snubbers))
 
     @property
     def contact_names(self) -> tuple[str, ...]:
@@ -402,15 +413,16 @@ def _of_springs(system: StructuralSystem, sizes: Sizes) -> list[Channel]:
             for part in (spring.law.one_sided_springs if split else None) or (None,):
                 of_contacts[contact] = 1.0 if part is None else part.direction
                 contact += 1
+        if spring.part is not None:
+            continue
         moved = system.model.of_base("displacement", spring.base_influence[None], sizes.signals)
         force = sizes.rows(1, displacement=spring.linear * spring.shape, load=spring.linear * moved,
             contact=of_contacts, cubic=pull,
         )  # fmt: skip
         extension = sizes.rows(1, displacement=spring.shape, load=moved)
-        section = "friction" if spring.kind == "friction" else "springs"
         channels += [
-            Channel(section, spring.name, "extension", spring.gap_unit, extension),
-            Channel(section, spring.name, "force", FORCE_UNITS[spring.gap_unit], force),
+            Channel(spring.listed_as, spring.name, "extension", spring.gap_unit, extension),
+            Channel(spring.listed_as, spring.name, "force", FORCE_UNITS[spring.gap_unit], force),
         ]
     return channels
 

@@ -1,11 +1,11 @@
 """The error of every value, from its change when the case is solved again with a finer model.
 
-The finer model has three times the modes, or all of a model that has few, and, where a body has a mesh, twice the
-elements. If the error of a value falls at least with the square of the number of modes, the change is at least 8/9 of
-the error; so the stated error is 9/8 of the change (4/3 with plates, whose meshes are of second order, and 1.55 for
-reactions at their edges, of order 1.5). A value with an error of more than `ALLOWED_ERROR` is doubtful. Values are
-numbers by entry of a summary, or by entry and place (a probe, a snubber, a curve). docs/theory.md, section 7, gives the
-orders of convergence.
+The finer model has three times the modes, or all of a model that has few, twice the sides of rings, and, where a body
+has a mesh, twice the elements. If the error of a value falls at least with the square of the number of modes, the
+change is at least 8/9 of the error; so the stated error is 9/8 of the change (4/3 with plates, whose meshes are of
+second order, and 1.55 for reactions at their edges, of order 1.5). A value with an error of more than `ALLOWED_ERROR`
+is doubtful. Values are numbers by entry of a summary, or by entry and place (a probe, a snubber, a curve).
+docs/theory.md, section 7, gives the orders of convergence.
 
 A motion with repeated impacts may be so sensitive that any small change gives a different sequence of contacts after
 some time. The motion after this divergence is one of many, and no model or precision can determine which.
@@ -466,6 +466,7 @@ def unconverged_outcome(result: Result, keys: Collection[str], *parts: Outcome) 
     worst = sorted(sizes, key=lambda key: -sizes[key])
     modes = "all" if model["modes"] >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
     finer = f"seen with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
+    finer += " and twice the sides of every ring" if result.scenario.rings else ""
     value_names = tuple(f"{value_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, model["first_modes"], keys)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
@@ -511,7 +512,8 @@ def _divergence_outcome(result: Result, convergence: Convergence) -> Outcome:
 def _finer_model_remedy(result: Result, modes: int) -> str:
     """Text: how to get a model finer than one with so many modes."""
     elements = "raise the number of elements" if result.scenario.has_mesh else ""
-    return " and ".join(filter(None, (result.scenario.more_modes(math.ceil(MORE_MODES * modes)), elements)))
+    sides = "give more sides to the rings" if result.scenario.rings else ""
+    return " and ".join(filter(None, (result.scenario.more_modes(math.ceil(MORE_MODES * modes)), elements, sides)))
 
 
 def _remedy(result: Result, modes: int, unconverged: Collection[str]) -> str:

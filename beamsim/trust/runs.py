@@ -245,7 +245,7 @@ def convergence_of(solution: Solution, builds: SharedBuilds, progress: Progress 
     begin, scenario = processor_time(), solution.result.scenario
     settings = not_none(scenario.run)
     first, derived = Model(solution.motion), DerivedValues(solution.result)
-    if keeps_all(first.motion.system.modes):
+    if keeps_all(first.motion.system.modes) and not scenario.rings:
         errors, lines = _with_lines(derived, exact(first.values | derived.reported_values()))
         checked = _with_disturbance(Convergence(errors, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):

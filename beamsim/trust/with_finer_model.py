@@ -284,7 +284,7 @@ def _convergence(
 ) -> Convergence:
     """The errors of a result's own values, from a finer model."""
     modes = result["modes"]["kept_modes"].item()
-    if keeps_all(result["modes"]):
+    if keeps_all(result["modes"]) and not result.scenario.rings:
         return Convergence(exact(values))
     try:
         second = solve(result.scenario.refine(finer_modes(result["modes"])))

@@ -126,6 +126,9 @@ DEFAULTS = {
     "HingeStop.side": "`below` for a negative angle, else `above`",
     "HingeFrictionMoments.sliding": "`moment`",
     "FrictionCoefficients.stribeck_speed": "none: the coefficient falls at once",
+    "RingStop.largest_penetration": "5 % of the gap, of an ellipse of its smaller semi-axis",
+    "RingStop.sides": "`10.7 sqrt(gap / largest_penetration)`, at least 24; of an ellipse with the largest radius of "
+    "curvature",
     "SnubberBase.law": "`no_tension` with Maxwell branches, else `kelvin_voigt`",
     "PointOfBody.direction": "z",
     "MeasuredForces.fit": "points as they are",

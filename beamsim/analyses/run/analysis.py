@@ -47,13 +47,24 @@ from beamsim.outcomes import Stop, interruption
 from beamsim.responses.histories import times_reached
 from beamsim.responses.jumps import WithoutLimit, keys_of, without_limit
 from beamsim.results.result import (
+    beyond_fitted_range,
     check_reduction,
     compressed_beyond_tables,
     dashpots_of,
     deflection_warnings,
     line_warnings,
 )
-from beamsim.results.values import DISPLACEMENT, FORCE, NO_EXTREMES, PENETRATION, STRESS, largest, largest_pulls
+from beamsim.results.values import (
+    DISPLACEMENT,
+    FORCE,
+    NO_EXTREMES,
+    PENETRATION,
+    RING_FORCE,
+    RING_PENETRATION,
+    STRESS,
+    largest,
+    largest_pulls,
+)
 from beamsim.scenario import Scenario
 from beamsim.scenario.excitation import Harmonic, MatchedInput
 from beamsim.scenario.parameters import replace_values
@@ -201,8 +212,23 @@ def _warnings(motion: RunMotion) -> list[str]:
         *(pull_warnings(motion) if snubbers else []),
         *(line_warnings(system.inputs, system.modes) if system.inputs else []),
         *(compressed_beyond_tables(scenario, compression) if scenario.has_force_tables else []),
+        *(_ring_warnings(motion) if scenario.rings else []),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
     ]
+
+
+def _ring_warnings(motion: RunMotion) -> list[str]:
+    """Warnings about penetrations beyond the fitted range of rings."""
+    from beamsim.system.rings import ring_columns
+
+    channels, extremes = motion.system.channels.of_keys(RING_FORCE, RING_PENETRATION), motion.extremes
+    if RING_PENETRATION not in extremes or RING_FORCE not in extremes:
+        return []
+    low, high = (np.hstack([extremes[key][row] for key in (RING_FORCE, RING_PENETRATION)])[None] for row in (0, 2))
+    found = ring_columns(motion.system.rings, channels, high, low)
+    return beyond_fitted_range(
+        motion.system.scenario, dict(zip(found["ring"], found["ring_penetration"][:, 0].tolist(), strict=True))
+    )
 
 
 def pull_warnings(motion: RunMotion) -> list[str]:

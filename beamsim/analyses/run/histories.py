@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from beamsim.analyses.run.impacts import sliding_values
-from beamsim.analyses.run.layouts import BODIES, CONTACT, FRICTION_INTERVALS, HISTORIES
+from beamsim.analyses.run.layouts import BODIES, CONTACT, FRICTION_INTERVALS, HISTORIES, RINGS
 from beamsim.analyses.run.motion import Evaluation, LargestContact, RunMotion
 from beamsim.analyses.run.spectra import spectral
 from beamsim.contacts.sliders import residual_crush
-from beamsim.contacts.snubbers import FRICTION
 from beamsim.flow.channels import outputs_of
 from beamsim.labelled import Dataset
 from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
@@ -66,7 +65,7 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         values |= _probe_histories(motion, histories, base)
     if system.snubbers:
         values |= _snubber_variables(motion, histories)
-    if springs := [spring for spring in system.springs if spring.kind != FRICTION]:
+    if springs := [spring for spring in system.springs if spring.listed_as == "springs"]:
         values |= _spring_variables(springs, histories)
     if friction:
         values |= _friction_variables(motion, histories, sliding)
@@ -79,9 +78,51 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
         "base_motion": [{"base_unit": "rad" if each.rotates else "m"} for _, each in system.model.acting_loads.base],
     }
     datasets = {"histories": HISTORIES.dataset(values, of_members)}
+    if system.springs and system.rings:
+        datasets["rings"] = _ring_histories(motion, histories)
     if rows := [(k, row) for k, of in enumerate(sliding) for row in of.get("intervals", ())]:
         datasets["friction_intervals"] = _friction_intervals(rows)
     return datasets
+
+
+def _ring_histories(motion: RunMotion, histories: Histories) -> Dataset:
+    """Positions and forces of the rings, with their properties and errors."""
+    rings, time = motion.system.rings, histories.time
+    position, force = (histories.of(("rings", of)).T.reshape(len(rings), 2, time.size) for of in ("position", "force"))
+    closed, trajectory = motion.system.dynamics.contacts.closed, motion.trajectory
+    shares = []
+    for ring in rings:
+        touching = histories.in_contact[:, ring.sides].any(axis=1)
+        share = float(touching.mean())
+        if trajectory is not None:
+            lengths = trajectory.length[closed(trajectory.phases)[:, ring.sides].any(axis=1)]
+            share = float(lengths.sum()) / (trajectory.end - float(trajectory.time[0]))
+        shares.append(share)
+    of_rings = [ring.ring for ring in rings]
+    values: dict[str, Any] = {
+        "time": time,
+        "ring": [ring.name for ring in rings],
+        "first_direction": [ring.places[0] for ring in rings],
+        "second_direction": [ring.places[1] for ring in rings],
+        "first_gap": [ring.semi_axes[0] for ring in of_rings],
+        "second_gap": [ring.semi_axes[1] for ring in of_rings],
+        "stiffness": [ring.stiffness for ring in of_rings],
+        "dashpot": [ring.dashpot for ring in of_rings],
+        "largest_penetration": [ring.largest_penetration for ring in of_rings],
+        "sides": [ring.sides for ring in of_rings],
+        "gap_error": [ring.errors.clearance for ring in rings],
+        "force_error": [ring.errors.force for ring in rings],
+        "direction_error_deg": [ring.errors.direction_deg for ring in rings],
+        "impulse_error": [ring.errors.impulse for ring in rings],
+        "contact_share": shares,
+        "first_position": position[:, 0],
+        "second_position": position[:, 1],
+        "first_force": force[:, 0],
+        "second_force": force[:, 1],
+        "force": np.hypot(force[:, 0], force[:, 1]),
+        "penetration": [ring.penetrations(*of) for ring, of in zip(rings, position, strict=True)],
+    }
+    return RINGS.dataset(values)
 
 
 def _friction_intervals(rows: Sequence[tuple[int, Any]]) -> Dataset:

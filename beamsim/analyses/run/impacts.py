@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from beamsim.system.equations import RowsOf
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Bools, Floats, Ints, not_none
 
+if TYPE_CHECKING:
+    from beamsim.system.rings import RingInfo
+
 SKIPPED_SHARE = 0.1  # share of the run that is excluded at its beginning
 CONFIDENCE = 0.95
 BLOCKS = 20
@@ -46,7 +49,7 @@ Sums = Mapping[str, Floats]  # (BLOCKS,) by name
 
 
 class ImpactObserver(ChunkObserver):
-    """Impacts at all snubbers after ``run.from``, counted as ``run.impacts`` specifies.
+    """Impacts at all snubbers and rings after ``run.from``, counted as ``run.impacts`` specifies.
 
     Parameters
     ----------
@@ -64,7 +67,9 @@ class ImpactObserver(ChunkObserver):
         begin = self._run.from_
         if chunk.end > begin or not begin:
             later = chunk.extract(begin, chunk.end) if begin > chunk.time[0] else chunk
-            self._of_chunks.append([_contacts(later, j) for j in range(len(self._system.snubbers))])
+            of_snubbers = [_contacts(later, j) for j in range(len(self._system.snubbers))]
+            of_rings = [_contacts_of_ring(later, ring) for ring in self._system.rings]
+            self._of_chunks.append(of_snubbers + of_rings)
             self._end = chunk.end
 
     def result(self) -> dict[str, Dataset]:
@@ -95,8 +100,9 @@ def _impact_datasets(
         cycles.append(distinct_cycles(_with_rests(contacts)))
         intervals += [(j, row) for row in (_intervals(every, counted, begin, end) if stationary else ())]
     units = [contact_units(snubber.gap_unit) for snubber in system.snubbers]
+    units += [contact_units("m")] * len(system.rings)
     values: dict[str, Any] = {
-        "snubber": [snubber.name for snubber in system.snubbers],
+        "snubber": [*(snubber.name for snubber in system.snubbers), *(ring.name for ring in system.rings)],
         **{name: [of[name] for of in statistics] for name in OF_SNUBBERS},
         **columns_of_cycles(cycles, "snubber"),
     }
@@ -176,16 +182,29 @@ class _Contacts:
     continues: bool  # True if the last one does not end in this chunk
 
 
+class _Spans(NamedTuple):
+    """Contacts as ranges of segments."""
+
+    start: Floats  # s
+    end: Floats  # s
+    of_segment: Ints  # contact of each segment, -1 before the first
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, touching: Bools) -> _Spans:
+        """The contacts of a motion, from the segments (S,) in contact."""
+        first = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
+        last = np.flatnonzero(touching & ~np.append(touching[1:], False))
+        of_segment = np.cumsum(np.isin(np.arange(touching.size), first)) - 1
+        return cls(trajectory.time[first], trajectory.time[last] + trajectory.length[last], of_segment)
+
+
 def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     """Contacts at one snubber in a chunk."""
     flow = trajectory.flow
     touching = flow.system.contacts.closed(trajectory.phases)[:, contact]
-    first = np.flatnonzero(touching & ~np.append(False, touching[:-1]))
-    last = np.flatnonzero(touching & ~np.append(touching[1:], False))
-    start, end = trajectory.time[first], trajectory.time[last] + trajectory.length[last]
-    of_segment = np.cumsum(np.isin(np.arange(touching.size), first)) - 1  # contact of each segment, -1 before the first
+    start, end, of_segment = _Spans.of(trajectory, touching)
     square, impulse, lost = _integrals(trajectory, contact, touching).T
-    count, since = first.size, of_segment >= 0
+    count, since = start.size, of_segment >= 0
 
     def summed(values: Floats, which: Bools) -> Floats:
         return np.asarray(np.bincount(of_segment[which], values[which], minlength=count), dtype=float)
@@ -204,6 +223,62 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     )  # fmt: skip
     begins_in_contact = bool(touching[0]) and not _closes_at_start(trajectory, contact)
     return _Contacts(rows, forces, float(lost[~since].sum()), begins_in_contact, bool(touching[-1]))
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)  # of the integral of a ring's force over a segment
+
+
+def _contacts_of_ring(trajectory: Trajectory, ring: RingInfo) -> _Contacts:
+    """Contacts at a ring in a chunk, from the first side that closes to the last that opens.
+
+    The magnitude of its force is no linear output: it is integrated with eight Gauss points on each segment.
+    """
+    flow, contacts = trajectory.flow, trajectory.flow.system.contacts
+    closed = contacts.closed(trajectory.phases)[:, ring.sides]
+    touching = closed.any(axis=1)
+    start, end, of_segment = _Spans.of(trajectory, touching)
+    inside = np.flatnonzero(touching & (trajectory.length > 0.0))
+    nodes = np.concatenate([[-1.0], _NODES, [1.0 - 1e-9]])
+    times = trajectory.time[inside, None] + 0.5 * (1.0 + nodes) * trajectory.length[inside, None]
+    sampled = trajectory.sample(times.ravel(), lambda phases: -ring.normals.T @ flow.at(phases).force[ring.sides])
+    force = np.hypot(*sampled.T).reshape(times.shape)
+    weight, owner = 0.5 * trajectory.length[inside, None] * _WEIGHTS, of_segment[inside]
+    lost = np.zeros(inside.size)
+    if ring.ring.dashpot and inside.size:
+        lost = trajectory.segment_integrals(
+            lambda phases: flow.at(phases).dissipation[0][ring.sides],
+            lambda phases: flow.at(phases).dissipation[1][ring.sides], np.ones((ring.sides.size, 1)), inside,
+        )[:, 0]  # fmt: skip
+
+    def summed(values: Floats, which: Ints) -> Floats:
+        return np.asarray(np.bincount(which, values, minlength=start.size), dtype=float)
+
+    owners = np.repeat(owner, nodes.size)
+    peak, peak_time = _largest(owners, TurningPoints(owners, times.ravel(), force.ravel()), start.size)
+    speeds = _radial_speeds(trajectory, ring, np.concatenate([start, end]))
+    inner = force[:, 1:-1]
+    rows = _Impacts(
+        start, end, summed(trajectory.length[inside], owner), np.ones(start.size, dtype=np.int64), peak, peak_time,
+        summed((weight * inner).sum(axis=1), owner), summed((weight * inner**2).sum(axis=1), owner),
+        speeds[: start.size], -speeds[start.size :], summed(lost, owner), np.zeros(start.size, dtype=bool),
+    )  # fmt: skip
+    forces = tuple(reversals(force[owner == k].ravel()) for k in range(start.size))
+    at_start = any(_closes_at_start(trajectory, j) for j in ring.sides.tolist())
+    return _Contacts(rows, forces, 0.0, bool(touching[0]) and not at_start, bool(touching[-1]))
+
+
+def _radial_speeds(trajectory: Trajectory, ring: RingInfo, times: Floats) -> Floats:
+    """(nt,) rates of the distance from the centre of a ring at given times."""
+    if not times.size:
+        return np.zeros(0)
+    rows, order = trajectory.flow.equations, np.argsort(times, kind="stable")
+    both = ring.sides[[0, ring.sides.size // 4]]
+    sampled = trajectory.sample(
+        times[order], lambda _: np.vstack([rows.penetration[both], rows.penetration_rate[both]])
+    )
+    position, out = sampled[:, :2] + ring.support[[0, ring.sides.size // 4]], np.empty(times.size)
+    out[order] = np.sum(position * sampled[:, 2:], axis=1) / np.hypot(*position.T)
+    return out
 
 
 def _join_parts(parts: Sequence[_Contacts]) -> _Contacts:

@@ -147,6 +147,39 @@ HISTORIES = Layout(
         "output_value": Variable(_OUTPUT + _TIME, "{unit}", "{quantity}"),
     },
 )  # fmt: skip
+_RING = ("ring",)
+_RING_TIME = ("ring", "time")
+RINGS = Layout(
+    "rings",
+    "Position and force in the plane of each ring at the output times, and the numbers that describe it. Errors are "
+    "those of the flat sides that the ring is computed with, over the exact values.",
+    {
+        "time": Variable(("time",), "s", "time"),
+        "ring": Variable(_RING, "1", "name of the ring", str),
+        "first_direction": Variable(_RING, "", "first place and direction", str),
+        "second_direction": Variable(_RING, "", "second place and direction", str),
+        "first_gap": Variable(_RING, "m", "clearance along the first direction"),
+        "second_gap": Variable(_RING, "m", "clearance along the second direction"),
+        "stiffness": Variable(_RING, "N/m", "radial stiffness"),
+        "dashpot": Variable(_RING, "N s/m", "damping constant"),
+        "largest_penetration": Variable(_RING, "m", "penetration up to which the force is fitted"),
+        "sides": Variable(_RING, "1", "number of flat sides", int),
+        "gap_error": Variable(_RING, "1", "how much earlier contact begins, over the clearance"),
+        "force_error": Variable(_RING, "1", "largest error of the force, over the force at the largest penetration"),
+        "direction_error_deg": Variable(
+            _RING, "degree", "largest error of the direction of the force, from a tenth of that penetration on"
+        ),
+        "impulse_error": Variable(_RING, "1", "largest error of the impulse of an impact, over the impulse"),
+        "contact_share": Variable(_RING, "1", "share of the time in contact"),
+        "first_position": Variable(_RING_TIME, "m", "position relative to the centre, along the first direction"),
+        "second_position": Variable(_RING_TIME, "m", "position relative to the centre, along the second direction"),
+        "first_force": Variable(_RING_TIME, "N", "force on the structure along the first direction"),
+        "second_force": Variable(_RING_TIME, "N", "force on the structure along the second direction"),
+        "force": Variable(_RING_TIME, "N", "magnitude of the force"),
+        "penetration": Variable(_RING_TIME, "m", "distance beyond the clearance, 0 inside of it"),
+    },
+    optional=True,
+)
 EVENTS = Layout(
     "events",
     "Contact events of the snubbers in order of time; breakpoints of piecewise-linear springs are not among them. A "
@@ -294,7 +327,7 @@ IMPACTS = Layout(
         "minimum_rest_s": Variable((), "s", "contacts of one snubber with less time between them are one impact"),
         "force_threshold_n": Variable((), "N", "impacts with a smaller peak force are not counted"),
         "impact": Variable(_IMPACT, "1", "number of the impact", int),
-        "snubber": Variable(_IMPACT, "1", "number of the snubber, from 0", int, names="histories/snubber"),
+        "snubber": Variable(_IMPACT, "1", "number of the snubber, from 0", int, names="impact_statistics/snubber"),
         "begin": Variable(
             _IMPACT, "s", "time at which the impact begins; the start of the run if it is in contact then"
         ),

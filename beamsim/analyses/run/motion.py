@@ -38,6 +38,7 @@ from beamsim.results.values import (
     FORCE,
     PENETRATION,
     STRESS,
+    UNSAMPLED,
     VALUES,
     Extreme,
     Extremes,
@@ -311,7 +312,7 @@ def refuse_long_histories(system: StructuralSystem, settings: Run, samples: int)
     """
     probes, filtered_too = len(system.probes), settings.low_pass is not None
     # the time, three energies, two base histories; absolute displacements of probes
-    columns = system.channels.without(STRESS).order.size + 6 + probes * (2 if filtered_too else 1)
+    columns = system.channels.without(*UNSAMPLED).order.size + 6 + probes * (2 if filtered_too else 1)
     needed = samples * (8 * columns + system.dynamics.contacts.count)
     if needed > HISTORIES_SHARE * settings.memory:
         raise ScenarioError(_too_long_histories(samples, columns, needed, settings.memory))
@@ -375,7 +376,7 @@ def exact_motion_of(
     shown = progress if march.one_chunk else None
     extremes = part_of(shown, shares.march, shares.extremes if sampled else 1.0)
     samples = part_of(shown, shares.extremes, shares.histories)
-    channels = system.channels.without(STRESS)
+    channels = system.channels.without(*UNSAMPLED)
     recorder = HistoryRecorder(flow, channels, times, GracePeriod(stop), samples) if sampled else None
     derived = _chunk_observers(system, settings, times, needed, stop) if needed.derived else (None, None, None)
     impacts, stresses, plates = derived

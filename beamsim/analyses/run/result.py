@@ -19,6 +19,7 @@ from beamsim.analyses.run.layouts import (
     IMPACTS,
     MATCHED,
     RANDOM,
+    RINGS,
     SENSITIVITIES,
     SPECTRA,
     SRS,
@@ -148,6 +149,8 @@ _SUMMARY = (
     Entry("friction", "", "by friction contact share of time, number and distance of sliding, energy and power lost, "
              "wear power, worn volume and force at the start; units are in the names",
              form=dict[str, Plain]),
+    Entry("rings", "", "by ring number of sides, and the largest errors of the sides: of the clearance, of force and "
+             "direction, and of the impulse of an impact", form=dict[str, Plain]),
     Entry("breakpoints_passed", "1", "breakpoints of piecewise-linear springs that were passed", "solver"),
     Entry("rms_output", "", "rms over the time of the spectra; energies have none", "outputs", form=ByName),
     Entry("output_unit", "", "units of the outputs", form=dict[str, Text]),
@@ -228,8 +231,8 @@ class RunResult(Result):
     KIND = "run"
     SUMMARY = _SUMMARY
     DATASETS = (
-        INPUTS, HISTORIES, EVENTS, IMPACTS, IMPACT_STATISTICS, BODIES, FATIGUE, CONTACT, FRICTION_INTERVALS, SPECTRA,
-        SRS, MATCHED, RANDOM, SENSITIVITIES, MODES,
+        INPUTS, HISTORIES, EVENTS, IMPACTS, IMPACT_STATISTICS, BODIES, FATIGUE, CONTACT, FRICTION_INTERVALS, RINGS,
+        SPECTRA, SRS, MATCHED, RANDOM, SENSITIVITIES, MODES,
     )  # fmt: skip
 
     @property

@@ -13,7 +13,7 @@ from beamsim.flow.reference import ReferenceTrajectory, StepExtremes, TimeSteppi
 from beamsim.responses.energies import EnergyBalance, EnergyHistory, power_factors, stored_energy
 from beamsim.responses.histories import Histories, LowPassed
 from beamsim.responses.stepped_channels import SteppedChannels
-from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, STRESS, Extreme, searched_channels
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, OPENING, UNSAMPLED, Extreme, searched_channels
 from beamsim.scenario.run import Run
 from beamsim.signals.filters import PANELS_A_PERIOD
 from beamsim.system.equations import Key
@@ -62,7 +62,7 @@ def stepped_motion_of(
         )
     trajectory = integrate(stepping, system.initial_state, times, progress=progress, stop=stop, observe=outputs.observe)
     at = trajectory.time
-    sampled = SteppedChannels(system, flow, system.channels.without(STRESS))
+    sampled = SteppedChannels(system, flow, system.channels.without(*UNSAMPLED))
     values = sampled.of_states(at, trajectory.y, trajectory.phases)
     energy = _energies(system, flow, trajectory)
     balance = EnergyBalance()

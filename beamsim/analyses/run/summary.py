@@ -24,7 +24,6 @@ from beamsim.analyses.run.result import (
     over_limit,
     srs_over_limit,
 )
-from beamsim.contacts.snubbers import FRICTION
 from beamsim.inputs.signal import common_record
 from beamsim.labelled import Dataset
 from beamsim.responses.gapping import gapping_of_sine, gapping_ratios, in_their_units
@@ -238,6 +237,7 @@ def summary_entries(result: RunResult, summary: Mapping[str, Any]) -> dict[str, 
         "inputs": input_summary(result["inputs"]) if "inputs" in result.datasets else None,
         "samples": result["histories"]["time"].values.size,
         "friction": friction_summary(result.datasets) if result["histories"].labels("friction") else None,
+        "rings": _ring_summary(result["rings"]) if "rings" in result.datasets else None,
         "impacts": None if statistics is None else impact_summary(statistics),
         "impacts_total": None if statistics is None else impact_total(statistics),
         "sensitivities": sensitivity_summary(result["sensitivities"]) if "sensitivities" in result.datasets else None,
@@ -250,6 +250,12 @@ def summary_entries(result: RunResult, summary: Mapping[str, Any]) -> dict[str, 
         "unresolved_lines": None if spectra is None else unresolved_lines(spectra) or None,
         **(_over_limits(result, summary) if result.scenario.limits else {}),
     }
+
+
+def _ring_summary(rings: Dataset) -> dict[str, dict[str, Any]]:
+    """Sides, errors and contact share of each ring."""
+    entries = ("sides", "contact_share", "gap_error", "force_error", "direction_error_deg", "impulse_error")
+    return {row["ring"]: {name: row[name] for name in entries} for row in rings.rows("ring")}
 
 
 def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -322,7 +328,7 @@ def summary_of_run(
         summary["output_unit"] = {output.name: output.unit for output in system.outputs}
     if system.base_correction is not None:
         summary |= system.base_correction.summary()
-    if any(spring.kind != FRICTION for spring in system.springs):
+    if any(spring.listed_as == "springs" for spring in system.springs):
         summary["breakpoints_passed"] = motion.breakpoints
     if system.stress is not None and STRESS in motion.extremes:
         summary |= _place_of_stress(system.stress, motion.extremes, several=len(system.bodies) > 1)

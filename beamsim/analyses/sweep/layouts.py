@@ -95,6 +95,9 @@ CYCLES = Layout(
         "snubber": Variable(_SNUBBER, "1", "name of the snubber", str),
         "contact_share": Variable(_SNUBBER + _CYCLE, "1", "share of the time in contact"),
         "contacts": Variable(_SNUBBER + _CYCLE, "1", "number of closings", int),
+        "ring": Variable(("ring",), "1", "name of the ring", str, optional=True),
+        "peak_radial_force": Variable(("ring", *_CYCLE), "N", "largest force of the ring in a cycle", optional=True),
+        "ring_penetration": Variable(("ring", *_CYCLE), "m", "largest penetration into the ring", optional=True),
         "peak_gap": Variable(
             _SNUBBER + _CYCLE, "m", "largest opening of the contact in a cycle, where it is limited or a snubber is "
             "closed at rest; NaN in a hinge", optional=True,

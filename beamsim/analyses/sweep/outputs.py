@@ -22,7 +22,7 @@ from beamsim.inputs.measured import limit_curve
 from beamsim.labelled import Dataset
 from beamsim.outcomes import Outcome
 from beamsim.responses.jumps import ForceJumps, Waves, accelerations
-from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS
+from beamsim.results.values import ACCELERATION, DISPLACEMENT, FORCE, LIMITED, OPENING, STRESS, of_ring
 from beamsim.scenario.quantities import amplitude_unit, level_unit
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.sweep import SteppedSine, SweptSine
@@ -99,7 +99,7 @@ class SweepLevel:
             asked.discard(ACCELERATION)
 
         def is_evaluated(channel: Channel) -> bool:
-            return channel.key in asked or (channel.section == "outputs" and not channel.squared)
+            return channel.key in asked or (channel.section == "outputs" and not channel.squared) or of_ring(channel)
 
         return self.system.channels.select(is_evaluated)
 
@@ -168,6 +168,10 @@ class SweepLevel:
             }
         if record.contact_share.shape[1] > len(snubbers):
             columns["spring_changes"] = cycles_with_breakpoint(record.contact_share[:, len(snubbers) :])
+        if self.system.springs and self.system.rings:
+            from beamsim.system.rings import ring_columns
+
+            columns |= ring_columns(self.system.rings, self.channels, record.high, record.low)
         columns |= self._jumps(record, values["time"]) if self.system.jumping_forces else {}
         if "gap" in self.limited_quantities:
             opening = self._columns_by_name(OPENING, "m")
