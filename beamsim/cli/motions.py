@@ -85,7 +85,8 @@ def _largest_of_test(result: RunResult, _: Errors) -> Iterator[str]:
     def compared(signal: Mapping[str, Any]) -> bool:
         return any(value.on_peak_of(signal) and place in ("", signal["name"]) for value, place in limits)
 
-    signals = sorted(random.rows("signal")[1:], key=lambda of: (not compared(of), of["quantity"] != "force"))
+    responses = [of for of in random.rows("signal") if of["section"] != "excitation"]
+    signals = sorted(responses, key=lambda of: (not compared(of), of["quantity"] != "force"))
     largest = [f"{of['name']} {words(of['quantity'])} {text}" for of in signals if (text := _expected_peak(of))]
     if largest:
         shown = max(MOST_SHOWN, sum(map(compared, signals)))  # all values with limits

@@ -42,6 +42,7 @@ from beamsim.plots.drawing import (
 from beamsim.plots.style import ROUND_OFF, Scale, amount, plain_scale, scale_for
 from beamsim.results.result import ALLOWED_ERROR
 from beamsim.results.values import OUTPUT
+from beamsim.scenario.reporting import INPUT
 from beamsim.structures.assembly import site_in, snubber_site
 from beamsim.summaries import place_in_words
 from beamsim.system.structural import FORCE_UNITS
@@ -312,14 +313,14 @@ def force_deflection(result: RunResult, unit: str = "N") -> Chart:
 
 
 def shock_response(srs: Dataset, note: str) -> Chart:
-    """Maximax spectra of the input and of the probes; thin, the residual of the input: what it leaves after its end."""
+    """Maximax spectra of inputs and probes; thin, the residual of a single input: what it leaves after its end."""
     f, names = srs["frequency_hz"].values, srs["name"].values.tolist()[:MOST_CURVES]
     maximax = srs["maximax"].values[: len(names)]
     curves = [Curve(name, f, x) for name, x in zip(names, maximax, strict=True)]
     curves += [
         Curve("input, residual", f, srs["residual"].values[k], {**curve_style(k), "linewidth": 0.55})
         for k, name in enumerate(names)
-        if name == "input"
+        if name == INPUT
     ]
     x_axis, y_axis = "Natural frequency of the oscillator", f"Peak acceleration, Q = {srs['quality'].item():g}"
     ends, low = (float(f[0]), float(f[-1])), 0.1 * float(maximax.min())
@@ -413,24 +414,29 @@ def _histories_of_outputs(result: RunResult, outputs: Mapping[str, LabelledArray
 
 
 def _signals(response: Dataset) -> list[Dataset]:
-    """The values of each signal, the input first."""
+    """The values of each signal, the inputs first."""
     return [response.sel(signal=signal) for signal in response.labels("signal")]
 
 
 def _driven_by_base(response: Dataset) -> bool:
-    """Whether the input is an acceleration of the base, else a force."""
-    return bool(response["unit"].values[0] == "m/s^2")
+    """Whether an input is an acceleration of the base along an axis."""
+    return any(signal["unit"].item() == "m/s^2" for signal in _inputs(response))
+
+
+def _inputs(response: Dataset) -> list[Dataset]:
+    """The values of each input."""
+    return [signal for signal in _signals(response) if signal["section"].item() == "excitation"]
 
 
 def density(response: Dataset, note: str = "") -> Chart:
-    """Spectral densities of the input and of the absolute accelerations of the probes (displacements under a force).
+    """Spectral densities of the inputs and of the absolute accelerations of the probes (displacements under a force).
 
     Thick grey lines are those of the linear structures with every snubber always open and always closed. The axis is
     the band of the input; the share of the power of a response that lies outside is in its label.
     """
-    on_base, (entered, *signals) = _driven_by_base(response), _signals(response)
-    quantity = "absolute_acceleration" if on_base else "displacement"
-    drawn = [*([entered] if on_base else []), *(s for s in signals if s["quantity"].item() == quantity)]
+    on_base = _driven_by_base(response)
+    quantities = ("acceleration", "absolute_acceleration") if on_base else ("displacement",)
+    drawn = [s for s in _signals(response) if s["quantity"].item() in quantities and s["section"].item() != "outputs"]
     powers = [s["density"].values[1:] for s in drawn]
     unit = scale_for("m/s^2" if on_base else "m", *map(np.sqrt, powers))
     squared = f"({unit.unit})²" if "/" in unit.unit else f"{unit.unit}²"
@@ -479,7 +485,8 @@ def force_densities(response: Dataset) -> list[Chart]:
     frequency, charts = response["frequency_hz"].values, []
     f, shown = frequency[1:], frequency[_has_input_power(response)]
     for unit, label, squared in (("N", "Force density", "N²/Hz"), ("N m", "Moment density", "N² m²/Hz")):
-        drawn = [s for s in _signals(response)[1:] if (s["quantity"].item(), s["unit"].item()) == ("force", unit)]
+        responses = [s for s in _signals(response) if s["section"].item() != "excitation"]
+        drawn = [s for s in responses if (s["quantity"].item(), s["unit"].item()) == ("force", unit)]
         limits = _limits(drawn)
         if shown.size and any(limit is not None for limit in limits.values()):
             curves, y_axis = (
@@ -497,9 +504,10 @@ def has_transmissibility(response: Dataset) -> bool:
 
 
 def _has_input_power(response: Dataset) -> Bools:
-    """(nf,) where the input has power that is neither round-off nor leakage, as from the mean into the first line."""
-    power = response["density"].values[0]
-    return np.asarray((power > max(POWER_SHOWN * power.max(), ROUND_OFF**2)) & (np.arange(power.size) > 1))
+    """(nf,) where an input has power that is neither round-off nor leakage, as from the mean into the first line."""
+    powers = np.array([signal["density"].values for signal in _inputs(response)])
+    driven = powers > np.maximum(POWER_SHOWN * powers.max(axis=1, keepdims=True), ROUND_OFF**2)
+    return np.asarray(driven.any(axis=0) & (np.arange(powers.shape[1]) > 1))
 
 
 def transmissibility(response: Dataset) -> Chart:
@@ -525,11 +533,11 @@ def random_picture(result: RunResult, response: Dataset) -> Picture:
 def crossings(response: Dataset) -> Chart:
     """Rates at which the signals cross levels upwards, over those of their means, and that of a Gaussian signal."""
     level = response["level"].values
-    columns = ("name", "quantity", "crossings_hz", "crossing_rate_hz")
+    columns = ("section", "name", "quantity", "crossings_hz", "crossing_rate_hz")
     curves = [
         Curve(f"{name} {quantity.replace('_', ' ')}", level, crossed / rate)
-        for name, quantity, crossed, rate in zip(*(response[of].values[1:] for of in columns), strict=True)
-        if rate > 0
+        for section, name, quantity, crossed, rate in zip(*(response[of].values for of in columns), strict=True)
+        if rate > 0 and section != "excitation"
     ]
     grey = {"color": "0.6", "linewidth": 2.2, "linestyle": "-", "zorder": 0}
     gaussian = Curve("Gaussian", level, np.exp(-0.5 * level**2), grey)

@@ -10,8 +10,9 @@ from beamsim.labelled import Dataset
 from beamsim.outcomes import first_of
 from beamsim.plots.style import amount, extent, is_known, percent
 from beamsim.scenario import Scenario
-from beamsim.scenario.base import count_text, path_text
+from beamsim.scenario.base import Path, count_text, path_text
 from beamsim.scenario.body import MovedStop, MovedSupport
+from beamsim.scenario.excitation import Forces
 from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Rate, amplitude_unit
 from beamsim.scenario.sweep import LevelPath, swept_cycles
@@ -102,12 +103,19 @@ def excitation_text(scenario: Scenario, inputs: Inputs | None = None, command: s
         label: "; ".join(
             dict.fromkeys(
                 _excitation_text(scenario, part, way, (inputs or {}).get(path_text(("excitation", *at)), {}))
-                for at, part in scenario.excitation.items
+                for at, part in _sections(scenario.excitation)
             )
         )
         for label, way in ways.items()
     }
     return "\n".join(label + text for label, text in texts.items() if text) or "no excitation"
+
+
+def _sections(excitation: Any) -> list[tuple[Path, Any]]:
+    """The excitations as they are written, with their paths: several columns of one record are one."""
+    if isinstance(excitation, Forces):
+        return [(("forces", index), each) for index, each in enumerate(excitation.forces)]
+    return [((), excitation)] if excitation.items else []
 
 
 def _phase_resonance_text(scenario: Scenario, excitation: Any) -> str:
@@ -165,7 +173,9 @@ def _excitation_text(scenario: Scenario, excitation: Any, sweep_text: str, input
 def _place(scenario: Scenario, excitation: Any) -> str:
     """Where a motion or force acts, behind what it is."""
     if excitation.on_base:
-        at = "the base" + (f" in {excitation.direction}" if excitation.direction else "")
+        columns = getattr(excitation, "columns", None)
+        along = excitation.direction if columns is None else ", ".join(columns.by_direction)
+        at = "the base" + (f" in {along}" if along else "")
     elif isinstance(excitation.applied_to, MovedSupport | MovedStop):
         at = excitation.applied_to.label
     else:

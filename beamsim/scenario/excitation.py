@@ -680,6 +680,39 @@ class SweptSineInput(DrivenInput, FrequencyRange):
         return max(self.from_, self.to)
 
 
+class AxisColumns(Schema):
+    """Columns of one record by the direction in which they move the base."""
+
+    x: q.Text | None = None
+    """Column of the motion along x: as column."""
+    y: q.Text | None = None
+    """Column of the motion along y."""
+    z: q.Text | None = None
+    """Column of the motion along z."""
+    rx: q.Text | None = None
+    """Column of the rotation about x."""
+    ry: q.Text | None = None
+    """Column of the rotation about y."""
+    rz: q.Text | None = None
+    """Column of the rotation about z."""
+
+    @property
+    def by_direction(self) -> dict[Any, str]:
+        """The columns that are given, by direction."""
+        given = {name: getattr(self, name) for name in ("x", "y", "z", "rx", "ry", "rz")}
+        return {name: column for name, column in given.items() if column is not None}
+
+    def check(self) -> None:
+        """Require a column."""
+        super().check()
+        if not self.by_direction:
+            raise InvalidValueError("names no column", "name one, for example {x: TX, rz: RZ}")
+
+
+_ANGULAR: dict[Any, Quantity] = dict(zip(TRANSLATION_TAKES, ROTATION_TAKES, strict=True))
+"""Quantity of a rotation, by that of a translation."""
+
+
 class SampledInput(DrivenInput, RecordPreparation):
     """A measured motion of the base, or a measured force."""
 
@@ -691,6 +724,11 @@ class SampledInput(DrivenInput, RecordPreparation):
     column: q.Text | None = None
     """CSV: number (from 1) or heading of the column of values; HDF5: path of the dataset; UFF: number of the dataset.
     Required if there are several candidates."""
+    columns: AxisColumns | None = None
+    """Instead of column and direction, the columns of several motions of the base in one file: {x: TX, y: TY, z: TZ,
+    rx: RX, ry: RY, rz: RZ}, with rotations about the point about."""
+    angular_unit: q.Text | None = None
+    """Unit of the columns of rotations (rad/s^2, deg, ...), as unit for the others; by default the unit in the file."""
     time_column: q.Text | None = None
     """CSV: number or heading of the time column, by default the column headed as time before the values; HDF5: path of
     the time dataset."""
@@ -721,6 +759,41 @@ class SampledInput(DrivenInput, RecordPreparation):
         return self.quantity_ or self._quantity_of_unit or self.level_quantities[0]
 
     @property
+    def items(self) -> list[tuple[Path, Any]]:
+        """Itself, or one motion of the base for each of the columns."""
+        if self.columns is None:
+            return super().items
+        return [(("columns", axis), self._along(axis, column)) for axis, column in self.columns.by_direction.items()]
+
+    def _along(self, axis: Any, column: str) -> SampledInput:
+        """The motion of the base along or about one axis."""
+        turned: dict[str, Any] = {"about": None}
+        if axis.startswith("r"):
+            turned = {"unit": self.angular_unit, "quantity_": self.quantity_ and _ANGULAR[self.quantity_]}
+        return self.model_copy(update={"columns": None, "column": column, "direction": axis, **turned})
+
+    def _check_columns(self) -> None:
+        """Refuse keys that contradict columns of several motions of the base."""
+        turns = self.columns is not None and any(name.startswith("r") for name in self.columns.by_direction)
+        if not turns and self.angular_unit is not None:
+            raise InvalidValueError("is the unit of columns of rotations", "leave it out", ("angular_unit",))
+        if not self.on_base:
+            raise InvalidValueError("belong to motions of the base", "write applied_to: base, or column", ("columns",))
+        for key in ("column", "direction"):
+            if getattr(self, key) is not None:
+                raise InvalidValueError("is also given by columns", "leave one of the two out", (key,))
+
+    def _check_direction(self) -> None:
+        if self.columns is None or not any(name.startswith("r") for name in self.columns.by_direction):
+            super()._check_direction()
+
+    def problems(self, scenario: Whole, path: Path) -> Problems:
+        """A problem for each direction in which no body can move."""
+        yield from super().problems(scenario, path)
+        for axis in () if self.columns is None else self.columns.by_direction:
+            yield from base_problems(scenario, (*path, "columns", axis), axis, f"moves the base in {axis}, which")
+
+    @property
     def _quantity_of_unit(self) -> Quantity | None:
         of: Any = None if self.unit is None else q.meant(q.LevelType().read(f"1 {self.unit}"))
         return of  # type: ignore[no-any-return]
@@ -736,6 +809,8 @@ class SampledInput(DrivenInput, RecordPreparation):
                 f"is a unit of {stated}, but {self.quantity_} is required", "change one of them", ("unit",)
             )
         super().check()
+        if self.columns is not None or self.angular_unit is not None:
+            self._check_columns()
         if self.quantity in q.INTEGRALS and self.interpolation == "linear":
             raise InvalidValueError(
                 f"= linear of the base's {quantity_text(self.quantity)} has corners, where the acceleration is "
@@ -830,8 +905,12 @@ class RandomInput(DrivenInput):
     """Largest magnitude of the noise in standard deviations, as a controller clips its drive signal: 3 sigma; not
     clipped by default."""
     seed: q.Seed = 0
-    """Seed of the random numbers: the same seed gives the same input. Also a weighted sum of the inputs of several
-    seeds with random amplitudes, 0.8*4 + 0.6*7, as studies of reliability report it."""
+    """Seed of the random numbers: the same seed gives the same input. 0 by default; in a list of excitations each has a
+    seed of its own by default, so that all are independent. Also a weighted sum of the inputs of several seeds with
+    random amplitudes, 0.8*4 + 0.6*7, as studies of reliability report it; its coherence with an input of seed 4 is
+    0.64."""
+    phase: q.Phase = 0.0
+    """Phase of all sines: between two inputs of a list with one seed, which are fully coherent."""
     amplitudes: Literal["fixed", "random"] | None = None
     """Amplitudes of the sines: fixed by the density, or random as in a Gaussian process, so that the RMS varies between
     records. fixed by default, random in a study over seeds."""
@@ -967,6 +1046,13 @@ SingleExcitation = (
 )
 
 
+def _with_own_seed(index: int, excitation: Any) -> Any:
+    """A random input of a list without a seed, with one that no user can write; other excitations stay as they are."""
+    if index == 0 or not isinstance(excitation, RandomInput) or "seed" in excitation.model_fields_set:
+        return excitation
+    return excitation.model_copy(update={"seed": q.LARGEST_SEED + index})
+
+
 class Forces(Input):
     """Several forces and motions at once, each with its own signal."""
 
@@ -989,8 +1075,25 @@ class Forces(Input):
 
     @property
     def items(self) -> list[tuple[Path, Any]]:
-        """The forces and motions."""
-        return [(("forces", index), force) for index, force in enumerate(self.forces)]
+        """The forces and motions; random ones without a seed have one of their own."""
+        forces = enumerate(_with_own_seed(index, force) for index, force in enumerate(self.forces))
+        return [(("forces", index, *at), item) for index, force in forces for at, item in force.items]
+
+    def find_warnings(self, scenario: Whole, path: Path) -> Iterator[str]:
+        """Warnings about random inputs that are coherent because they have one seed."""
+        yield from super().find_warnings(scenario, path)
+        first: dict[int | str, int] = {}
+        forces = [_with_own_seed(index, force) for index, force in enumerate(self.forces)]
+        for index, each in enumerate(forces):
+            if isinstance(each, RandomInput) and (known := first.setdefault(each.seed, index)) != index:
+                other = forces[known]
+                same = each.period == other.period and each.highest_frequency_hz == other.highest_frequency_hz
+                effect = "so that both are fully coherent"
+                if not same and each.amplitudes == "random":
+                    effect = "but not its period and highest frequency, so that they are partly coherent"
+                at = path_text((*path, "forces", index, "seed"))
+                remedy = "give another seed for independent inputs"
+                yield f"{at} = {each.seed} is that of forces[{known}], {effect}; {remedy}"
 
     @property
     def harmonics(self) -> tuple[Harmonic, ...]:

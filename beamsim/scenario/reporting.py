@@ -399,7 +399,8 @@ class Limits(Schema):
                         (*item_path, other[0], 1), "is of another quantity than the first", "give all in one unit"
                     )
             snubbers, forces = [each.name for each in scenario.all_snubbers], not needed and stated in _FORCES
-            places = [*(each.name for each in scenario.effective_probes), *([INPUT] if name in ("srs", "psd") else [])]
+            places = [each.name for each in scenario.effective_probes]
+            places += scenario.input_names if name in ("srs", "psd") else []
             if name == "srs":
                 moved = (each.applied_to for _, each in scenario.excitation.items)
                 places += [path.label for path in moved if isinstance(path, MovedSupport) and not path.rotates]

@@ -529,8 +529,8 @@ def _names_of_input(scenario: Whole) -> Problems:
     """Problems of places called input, the name of the excitation in spectra."""
     for section in ("probes", "snubbers", "outputs"):
         for k, item in enumerate(getattr(scenario, section)):
-            if item.name == INPUT:
-                message = f"= {INPUT} is the name of the input's own spectrum and statistics"
+            if item.name in (INPUT, *scenario.input_names):
+                message = f"= {item.name} is the name of the input's own spectrum and statistics"
                 yield problem((section, k, "name"), message, "choose another name")
 
 

@@ -58,7 +58,7 @@ from beamsim.scenario.identification import IdentifyStiffness
 from beamsim.scenario.matrices import MatricesBody
 from beamsim.scenario.plate import Plate, StiffnessPlate
 from beamsim.scenario.quantities import FACTOR, Gravity, GravityVector, Name, Text, UsualRange, level_unit, usual_of
-from beamsim.scenario.reporting import AnyOutput, Limits, ReactionOutput, output_dimension
+from beamsim.scenario.reporting import INPUT, AnyOutput, Limits, ReactionOutput, output_dimension
 from beamsim.scenario.rings import AnyStop, RingStop
 from beamsim.scenario.run import Reduction, Run
 from beamsim.scenario.studies import Optimise, Vary
@@ -518,6 +518,24 @@ class Scenario(Schema):
     def study(self) -> Vary | Optimise | None:
         """The section of a study, if there is one."""
         return self.vary or self.optimise
+
+    @property
+    def base_motion_names(self) -> tuple[str, ...]:
+        """Names of the motions of the base: their directions, numbered if one has several."""
+        own = next(iter(self.all_bodies.values())).base_directions[0] or "base"
+        names: list[str] = []
+        for _, each in self.excitation.items:
+            if each.on_base:
+                name = each.direction or own
+                number = 1 + [known.partition(" ")[0] for known in names].count(name)
+                names.append(name if number == 1 else f"{name} {number}")
+        return tuple(names)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs among the signals of spectra and statistics: one for each motion of the base."""
+        names = self.base_motion_names
+        return (INPUT,) if len(names) < 2 else tuple(f"{INPUT} {name}" for name in names)
 
     @property
     def sine(self) -> Sine:

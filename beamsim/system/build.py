@@ -143,7 +143,8 @@ def _signal_of(
     """Build the signal of one excitation at a path, and append its description to ``accounts``."""
     scenario = model.scenario
     duration = None if scenario.run is None else scenario.run.duration
-    folder = scenario.folder_of(*path, *_FILE_KEYS.get(excitation.kind, ("file",)))
+    section = path[: path.index("columns")] if "columns" in path else path  # one file has several columns
+    folder = scenario.folder_of(*section, *_FILE_KEYS.get(excitation.kind, ("file",)))
     with prefix_problems("excitation", path_text(path)):
         key = (excitation, duration, folder)
         made: Any = model.builds.once("signal", key, lambda: build_signal(excitation, duration, folder))

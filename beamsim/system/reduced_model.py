@@ -454,17 +454,6 @@ def base_directions(scenario: Scenario) -> tuple[BaseDirection, ...]:
     return (*[_named(scenario, each.direction or "", point_of(each.about)) for _, each in moving],)
 
 
-def base_names(scenario: Scenario) -> tuple[str, ...]:
-    """(K,) names of the motions of the base: their directions, numbered if one has several."""
-    own = next(iter(scenario.all_bodies.values())).base_directions[0] or "base"
-    names: list[str] = []
-    for _, each in ActingLoads.of(scenario).base:
-        name = each.direction or own
-        number = 1 + [known.partition(" ")[0] for known in names].count(name)
-        names.append(name if number == 1 else f"{name} {number}")
-    return tuple(names)
-
-
 def output_direction(scenario: Scenario, output: Any) -> BaseDirection:
     """Motion of the base whose work defines an output's total force or moment of the base."""
     rotates = output.kind == "reaction_moment"

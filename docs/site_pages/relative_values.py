@@ -155,6 +155,7 @@ DEFAULTS = {
     "SweepTest.decimal": "what the numbers of the file show",
     "_RecordedTest.decimal": "what the numbers of the file show",
     "SampledInput.unit": "what the file states",
+    "SampledInput.angular_unit": "what the file states",
     "SampledInput.time_unit": "what the file states",
     "RandomInput.amplitudes": "`fixed`; `random` in a study over seeds",
     "RandomInput.clip": "root mean square of the noise before it is clipped",

@@ -119,7 +119,8 @@ def test_linear_motions_add_up(case):
     psd = [{"frequency": 20, "density": 0.5}, {"frequency": 200, "density": 0.5}]
     parts = [
         SINES[0], sine(4),
-        {"kind": "random", "applied_to": "base", "direction": "y", "psd": psd, "period": 2.0},
+        {"kind": "random", "applied_to": "base", "direction": "y", "psd": psd, "period": 2.0,
+         "seed": 3},
         {"kind": "half_sine", "applied_to": "base", "direction": "x", "level": 30.0, "duration": 0.011, "time": 0.02},
         {"kind": "swept_sine", "applied_to": "base", "direction": "z", "level": 3.0, "from": 20, "to": 60,
          "rate": "90 Hz/s"},

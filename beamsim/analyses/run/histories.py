@@ -19,7 +19,6 @@ from beamsim.labelled import Dataset
 from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, hinge_key, largest
 from beamsim.scenario.connections import HingeElement
-from beamsim.system.reduced_model import base_names
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Floats
 
@@ -59,7 +58,7 @@ def datasets_of(motion: RunMotion, histories: Histories, evaluation: Evaluation)
     }
     if system.base:
         accelerations = np.array([moved.acceleration(time) for moved in system.base])
-        names = list(base_names(system.scenario))
+        names = list(system.scenario.base_motion_names)
         values |= {"base_motion": names, "base_acceleration": accelerations, "base_displacement": base}
     if system.probes:
         values |= _probe_histories(motion, histories, base)

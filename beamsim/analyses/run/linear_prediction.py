@@ -42,6 +42,7 @@ from beamsim.responses.gapping import (
     transfer,
 )
 from beamsim.results.values import FORCE, PENETRATION, Extremes
+from beamsim.scenario.base import Path
 from beamsim.scenario.excitation import RandomInput
 from beamsim.scenario.run import Run
 from beamsim.system.equations import SineLoads
@@ -69,21 +70,31 @@ class LinearInput(NamedTuple):
     clipping: float  # ratio of mean squares of the clipped input and its density
 
 
-def linear_input(system: StructuralSystem) -> LinearInput | None:
-    """Structure and input; None unless the input is a single random base motion or force.
+def linear_inputs(system: StructuralSystem) -> list[LinearInput]:
+    """Structure and each of its inputs; empty unless all are independent random motions of the base or forces.
 
-    None also without a snubber, or with a nonlinear spring or friction.
+    Empty also without a snubber, or with a nonlinear spring or friction.
     """
-    excitation = system.scenario.excitation
-    alone = bool(system.base) or system.forcing.load.shape[0] == 1
+    items, acting = system.scenario.excitation.items, system.model.acting_loads
+    independent = len({getattr(each, "seed", "") for _, each in items}) == len(items)
+    alone = len(acting.base) + len(acting.forces) == len(items)  # supports move what is on them
     linear = system.cubic is None and not system.springs and not system.dynamics.contacts.any_sticks_rigidly
-    resting = system.forcing.influence is None  # stops move only with the base
-    if not isinstance(excitation, RandomInput) or not alone or not linear or not resting or not system.snubbers:
-        return None
-    given = density_of(excitation, system.scenario.folder_of("excitation", "psd", "file"))
-    loads = system.forcing.load.shape[0]  # of the base: acceleration, and displacement if springs depend on it
-    sine = SineLoads(np.ones(loads, dtype=complex), np.array([0, -2])[:loads])
-    return LinearInput(replace(system, sine=sine), given, clipped_mean_square(excitation.clip))
+    random = all(isinstance(each, RandomInput) and not isinstance(each.seed, str) for _, each in items)
+    if not (items and random and independent and alone and linear and system.snubbers):
+        return []
+    return [_linear_input(system, ("excitation", *at), each) for at, each in items]
+
+
+def _linear_input(system: StructuralSystem, path: Path, excitation: RandomInput) -> LinearInput:
+    """Structure under one of its inputs alone, at a path."""
+    density = density_of(excitation, system.scenario.folder_of(*path, "psd", "file"))
+    size = len(system.forcing.signal)
+    coefficient, power = np.zeros(size, dtype=complex), np.zeros(size, dtype=np.int64)
+    for (at, quantity), number in system.model.acting_loads.signals.items():
+        if number < size:
+            coefficient[number], power[number] = at == path, -2 if quantity == "displacement" else 0
+    sine = SineLoads(coefficient, power)
+    return LinearInput(replace(system, sine=sine), density, clipped_mean_square(excitation.clip))
 
 
 def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tuple[str, str], dict[str, Any]]:
@@ -99,10 +110,10 @@ def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tup
     Returns
     -------
     Values of `RANDOM` about linear responses, SI, by name and quantity; densities are means around the frequencies.
-    Empty without a `linear_input`, or with an undamped resonance within the input's band.
+    Empty without `linear_inputs`, or with an undamped resonance within the input's band.
     """
-    driven = linear_input(system)
-    if driven is None:
+    driven = linear_inputs(system)
+    if not driven:
         return {}
     half = 0.5 * (frequency_hz[1] - frequency_hz[0])
     edges = np.append(np.maximum(frequency_hz - half, 0.0), frequency_hz[-1] + half)
@@ -117,9 +128,9 @@ def linear_responses(system: StructuralSystem, frequency_hz: Floats) -> dict[tup
     return responses
 
 
-def stationary_deviations(random_input: LinearInput, phases: Ints) -> Deviations | None:
+def stationary_deviations(inputs: Sequence[LinearInput], phases: Ints) -> Deviations | None:
     """Standard deviations if all contacts keep their phases (m,); None with an undamped resonance in the band."""
-    powers = stationary_powers(random_input, phases)
+    powers = stationary_powers(inputs, phases)
     return None if powers is None else {of: float(np.sqrt(power[0])) for of, power in powers.items()}
 
 
@@ -173,7 +184,30 @@ def _squared_responses(system: StructuralSystem, phases: Ints, frequency: Floats
 
 
 def stationary_powers(
-    random_input: LinearInput, phases: Ints, edges: Floats | None = None
+    inputs: Sequence[LinearInput], phases: Ints, edges: Floats | None = None
+) -> dict[tuple[str, str], Floats] | None:
+    """Mean squares of the stationary linear motion under independent inputs: the sum of those of each.
+
+    Parameters
+    ----------
+    inputs : structure and each input.
+    phases, edges : see `_powers_of_input`.
+
+    Returns
+    -------
+    As `_powers_of_input`; None if one of them is.
+    """
+    total: dict[tuple[str, str], Floats] = {}
+    for each in inputs:
+        powers = _powers_of_input(each, phases, edges)
+        if powers is None:
+            return None
+        total = {of: power + total.get(of, 0.0) for of, power in powers.items()}
+    return total
+
+
+def _powers_of_input(
+    random_input: LinearInput, phases: Ints, edges: Floats | None
 ) -> dict[tuple[str, str], Floats] | None:
     """Mean squares of the stationary linear motion in parts of the band, if all contacts keep their phases.
 
@@ -331,8 +365,8 @@ def _linear_motion(system: StructuralSystem, settings: Run, phases: Ints) -> Ext
 
 def gapping_of_random(system: StructuralSystem) -> SnubberEntries:
     """Number of standard deviations of the stationary linear motion at which contact changes."""
-    driven = linear_input(system)
-    if driven is None:
+    driven = linear_inputs(system)
+    if not driven:
         return {}
     contacts = system.dynamics.contacts
     penetration = static_penetration(system)

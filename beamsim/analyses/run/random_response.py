@@ -57,12 +57,14 @@ from beamsim.outcomes import Outcome, OutcomeKind, check_stop
 from beamsim.results.values import LIMITED, OPENING, STRESS, Margins, largest, margin_of, parse_limit, with_verdicts
 from beamsim.scenario import Scenario
 from beamsim.scenario.quantities import amplitude_unit
+from beamsim.scenario.reporting import INPUT
 from beamsim.scenario.run import Run
 from beamsim.scenario.units import ACCELERATION_PSD, FORCE_PSD, MOMENT_PSD
 from beamsim.system.reduced_model import ActingLoads
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Complexes, Floats, not_none
 
+INPUT_SECTION = "excitation"  # of the signals that are inputs
 _DENSITY_OF = {"m/s^2": ACCELERATION_PSD.name, "N": FORCE_PSD.name, "N m": MOMENT_PSD.name}
 SEGMENTS = 16  # of the record, overlapping by half
 LEAST_SAMPLES = 64
@@ -96,7 +98,8 @@ class StationarySignal(NamedTuple):
 def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, Any]) -> Dataset | None:
     """Analyse a run with a stationary input as a sample of a random process.
 
-    Of several inputs, that of the base is analysed, or else the first force or support; these have no transmissibility.
+    Of several inputs all motions of the base are analysed, or else the first force or support; there is no
+    transmissibility.
 
     Parameters
     ----------
@@ -113,9 +116,10 @@ def random_response(result: RunResult, motion: RunMotion, found: Mapping[str, An
     if times.size - int(SKIPPED_SHARE * times.size) < LEAST_SAMPLES:
         return None
     record = StationaryRecord(result, system, found)
-    entered = _input_of(system, result["histories"])
+    entered, *others = _inputs_of(system, result["histories"])
     shaken, alone = bool(system.base), len(result.scenario.excitation.items) == 1
-    signals, of_probes = [record.statistics(entered)], dict[str, tuple[Complexes, Floats]]()
+    signals = [record.statistics(each) for each in (entered, *others)]
+    of_probes = dict[str, tuple[Complexes, Floats]]()
     for signal in _responses(result, motion):
         check_stop()
         signals.append(record.statistics(signal))
@@ -196,7 +200,7 @@ class StationaryRecord:
         seen = _filtered_history(self._histories, signal)[self.first :]
         pressed = _compression(self._system, self._histories, name, self.first) if quantity == "force" else None
         measured, samples = Magnitude(seen, quantity == "opening", pressed), self.tested * self._rate
-        others = [why for of, why in self._beyond.items() if of != (name, quantity) and name != "input"]
+        others = [why for of, why in self._beyond.items() if of != (name, quantity) and signal.section != INPUT_SECTION]
         expected: dict[str, Any] = (
             {UNKNOWN_PEAK_KEY: others[0]} if others else largest_of_test(measured, freedom, samples)
         )
@@ -244,14 +248,17 @@ def _columns(signals: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return columns
 
 
-def _input_of(system: StructuralSystem, histories: Dataset) -> StationarySignal:
-    """Analysed input: that of the base, or else the first force or support."""
+def _inputs_of(system: StructuralSystem, histories: Dataset) -> Iterator[StationarySignal]:
+    """Analysed inputs: those of the base, or else the first force or support."""
     acting = ActingLoads.of(system.scenario)
-    _, shown = (*acting.base, *acting.forces, *acting.supports)[0]
-    times = histories["time"].values
-    history = histories["base_acceleration"].values[0] if acting.base else system.forcing.signal[0](times)
-    quantity = str(shown.level_quantities[0])
-    return StationarySignal("excitation", "input", quantity, amplitude_unit(quantity), history)
+    if not acting.base:
+        _, shown = (*acting.forces, *acting.supports)[0]
+        quantity, values = str(shown.level_quantities[0]), system.forcing.signal[0](histories["time"].values)
+        yield StationarySignal(INPUT_SECTION, INPUT, quantity, amplitude_unit(quantity), values)
+    moved = histories.by_label("base_acceleration").values()
+    for name, history, (_, shown) in zip(system.scenario.input_names, moved, acting.base, strict=False):
+        quantity = str(shown.level_quantities[0])
+        yield StationarySignal(INPUT_SECTION, name, quantity, amplitude_unit(quantity), history.values)
 
 
 def _filtered_history(histories: Dataset, signal: StationarySignal) -> Floats:
@@ -560,7 +567,8 @@ def margins_in_test(scenario: Scenario, margins: Margins, random: Dataset | None
         If the largest value of a test is not known, and the run does not exceed the limit, the range is open.
     """
     run, found = not_none(scenario.run), dict(margins)
-    signals = [] if random is None else random.rows("signal")[1:]
+    rows = [] if random is None else random.rows("signal")
+    signals = [signal for signal in rows if signal["section"] != INPUT_SECTION]
     for name, item in margins.items():
         if parse_limit(name)[0].from_extreme is None:  # root mean squares and densities
             continue

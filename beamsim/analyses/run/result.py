@@ -239,8 +239,9 @@ class RunResult(Result):
     def root_mean_squares(self) -> dict[str, dict[str, float]]:
         """SI, root mean squares of responses to a stationary random input, by quantity and probe; else nothing."""
         entries: dict[str, dict[str, float]] = {}
-        for row in self["random"].rows("signal")[1:] if "random" in self.datasets else ():
-            entries.setdefault(f"rms_{row['quantity']}", {})[row["name"]] = row["rms"]
+        for row in self["random"].rows("signal") if "random" in self.datasets else ():
+            if row["section"] != "excitation":
+                entries.setdefault(f"rms_{row['quantity']}", {})[row["name"]] = row["rms"]
         return entries
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:

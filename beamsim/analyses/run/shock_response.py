@@ -20,11 +20,9 @@ from beamsim.results.values import ACCELERATION
 from beamsim.scenario.base import Path
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
-from beamsim.scenario.reporting import INPUT
 from beamsim.signals.filters import Signal, geomspaced, shock_spectra, smooth_intervals
 from beamsim.structures.places import UPWARDS, Link
 from beamsim.structures.support_forces import supports_of
-from beamsim.system.reduced_model import base_names
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none
 
@@ -96,10 +94,10 @@ def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], 
     A support moves with the base and relative to it.
     """
     model = system.model
-    names, moved_base = base_names(system.scenario), [moved.acceleration for moved in system.base]
-    for name, base, (_, driven) in zip(names, moved_base, model.acting_loads.base, strict=True):
-        if not driven.rotates or len(names) == 1:
-            yield (INPUT if len(names) == 1 else f"{INPUT} {name}", "acceleration"), [(1.0, base)]
+    names, moved_base = system.scenario.input_names, [moved.acceleration for moved in system.base]
+    for name, base, (_, driven) in zip(names, moved_base, model.acting_loads.base, strict=False):
+        if not driven.rotates or len(moved_base) == 1:
+            yield (name, "acceleration"), [(1.0, base)]
     levers: dict[Any, list[float]] = {}
     for motion in model.base or (UPWARDS,):
         for each in supports_of(model.structure, motion):

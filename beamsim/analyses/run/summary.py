@@ -383,7 +383,7 @@ def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, d
 def _gapping_of_other(motion: RunMotion) -> dict[str, dict[str, Any]]:
     """First contact change for an excitation that is not a sine; empty without a start at equilibrium."""
     scenario, excitation = motion.system.scenario, motion.system.scenario.excitation
-    if isinstance(excitation, RandomInput):
+    if excitation.items and all(isinstance(each, RandomInput) for _, each in excitation.items):
         return gapping_of_random(motion.system)
     settings = not_none(scenario.run)
     moved = settings.start != "static_equilibrium" or scenario.starts_unrelaxed
