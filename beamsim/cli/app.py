@@ -376,7 +376,7 @@ def compare_modes(
 
 @partial(command, file=Stored, options=("json",))
 def info(options: CommandOptions) -> None:
-    """Print the contents of a result file."""
+    """Print the contents of a result file, or the channels of a record."""
     from beamsim.cli import stored
 
     stored.info(options)

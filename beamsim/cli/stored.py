@@ -11,6 +11,7 @@ from beamsim.cli.tables import all_rows, print_table
 from beamsim.errors import Problem, ScenarioError
 from beamsim.files import output_file, output_folder
 from beamsim.kinds import KINDS
+from beamsim.measurements.read import ENDINGS_OF_RECORDS
 from beamsim.plots.drawing import save_figures
 from beamsim.plots.style import use_units
 from beamsim.store.export import FORMATS, export_result, export_target, remark_on_places
@@ -18,14 +19,20 @@ from beamsim.store.results import kind_of, stored_result
 
 
 def info(options: CommandOptions) -> None:
-    """Print the contents of a result file of any kind: table or summary, and its origin.
+    """Print the contents of a result file of any kind: table or summary, and its origin; of a record its channels.
 
     Raises
     ------
     ResultFileError
         If the file cannot be read.
+    ScenarioError
+        If a record cannot be read.
     """
     path = options.case
+    if path.suffix.lower() in ENDINGS_OF_RECORDS:
+        describe_record = resolve_name("beamsim.cli.records:describe_record")
+        describe_record(path, json=options.json)
+        return
     kind = kind_of(path)
     with stored_result(path) as result, use_units(result.scenario.display_scales):
         if options.json:

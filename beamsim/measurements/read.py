@@ -16,8 +16,9 @@ from beamsim.scenario.files import DecimalMark
 
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
 UNIVERSAL = (".uff", ".unv", ".uf", ".58")
+HDF5 = (".h5", ".hdf5", ".hdf")
 _BY_ENDING = {
-    **dict.fromkeys((".h5", ".hdf5", ".hdf"), ("HDF5", "arrays:read_hdf5")),
+    **dict.fromkeys(HDF5, ("HDF5", "arrays:read_hdf5")),
     **dict.fromkeys((".nc", ".nc4", ".cdf"), ("netCDF", "laboratory:read_netcdf")),
     ".mat": ("MATLAB", "arrays:read_matlab"),
     **dict.fromkeys(UNIVERSAL, ("a universal file", "universal:read_uff")),
@@ -26,6 +27,8 @@ _BY_ENDING = {
     ".lvm": ("LVM", "laboratory:read_lvm"),
 }
 """What a file is called, and its reader, which is imported for such a file alone; others are text tables."""
+ENDINGS_OF_RECORDS = {*TEXT, *_BY_ENDING} - {*HDF5}
+"""Endings of files of test data alone; those of HDF5 are of results too."""
 
 
 def ending_of(path: Path) -> str:

@@ -1,5 +1,6 @@
 """Files of data acquisition systems (TDMS, MDF, LVM, netCDF-3): what their libraries write or ship is read as it is."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ import beamsim
 from beamsim.errors import BeamsimError, InputFileError, ScenarioError
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.read import read_file
+from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.portable
 
@@ -293,3 +295,24 @@ def test_every_format_excites_is_compared_and_identifies_like_csv(ending, tmp_pa
         found.append((moved, measured.y, test.y))
     for one, other in zip(*found, strict=True):
         np.testing.assert_allclose(other, one, atol=1e-6 * np.abs(one).max())
+
+
+@pytest.mark.parametrize("ending", [".csv", ".tdms", ".lvm", ".nc"])
+def test_info_lists_the_channels_of_a_record(ending, tmp_path):
+    path = write_record(tmp_path, ending)
+    printed = invoke("info", path)
+    assert printed.exit_code == 0
+    assert "g, 64 samples over" in printed.output
+    assert "256 Hz" in printed.output
+    channels = json.loads(invoke("info", path, "--json").stdout)["channels"]
+    (acc,) = (channel for channel in channels if channel["name"].startswith("acc"))
+    assert (acc["unit"], acc["samples"], acc["missing"], acc["function"]) == ("g", 64, 0, "time history")
+    assert acc["samples_per_axis_unit"] == pytest.approx(256.0, rel=1e-4)
+
+
+def test_info_of_a_record_that_cannot_be_read_names_it(tmp_path):
+    path = tmp_path / "a.lvm"
+    path.write_text("time,acc\n0,1\n")
+    done = invoke("info", path)
+    assert done.exit_code == 2
+    assert f"{path} does not begin with LabVIEW Measurement" in done.output
