@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from beamsim.analyses.identify.result import IdentificationResult
     from beamsim.analyses.nnm.result import NormalModeResult
     from beamsim.analyses.run.result import RunResult
+    from beamsim.analyses.statics.result import StaticResult
     from beamsim.analyses.studies.plan import StudyPlan, plan_designs
     from beamsim.analyses.studies.result import StudyResult
     from beamsim.analyses.sweep.result import SweepResult
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
     from beamsim.store.studies import ensemble
     from beamsim.trust.runs import run
     from beamsim.trust.studies import design_study
-    from beamsim.trust.with_finer_model import coexisting, continuation, nnm, sweep
+    from beamsim.trust.with_finer_model import coexisting, continuation, nnm, static, sweep
     from beamsim.version import __version__
 
 _NAMES = {
@@ -127,6 +128,7 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "ShapesAtPlaces",
+    "StaticResult",
     "StudyPlan",
     "StudyResult",
     "SweepResult",
@@ -156,6 +158,7 @@ __all__ = [
     "run",
     "sensitivities",
     "simulate",
+    "static",
     "sweep",
     "write_result",
 ]

@@ -32,6 +32,14 @@ KINDS = {
         figures="beamsim.plots.run:run_figures",
         question="How does the structure move under the excitation, and how hard does it meet its stops?",
     ),
+    "static": Kind(
+        "static", "the result of `beamsim static`",
+        analysis="beamsim.trust.with_finer_model:static",
+        result="beamsim.analyses.statics.result:StaticResult",
+        screen="beamsim.cli.statics:static_screen",
+        figures="beamsim.plots.statics:static_figures",
+        question="Which stops does the structure rest on, and what do stops and supports carry?",
+    ),
     "sweep": Kind(
         "sweep", "a sweep of one design by `beamsim sweep`",
         analysis="beamsim.trust.with_finer_model:sweep",

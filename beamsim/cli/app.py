@@ -205,6 +205,14 @@ def run(options: CommandOptions, against: AgainstOption = None) -> None:
     )
 
 
+@partial(command, file=Case, options=(*COMPUTATION_OPTIONS, "check"))
+def static(options: CommandOptions) -> None:
+    """Find static equilibrium under weight and dead loads. Prints which stops touch, reactions, frequencies."""
+    from beamsim.cli.command import run_analysis
+
+    run_analysis("static", options, "finding the equilibrium of")
+
+
 @partial(command, file=Case, options=(*COMPUTATION_OPTIONS, "check", "resume"))
 def sweep(
     options: CommandOptions,

@@ -21,6 +21,7 @@ from beamsim.scenario.base import count_text
 MOST_BEST = 5
 LEAST_IMPORTANCE = 0.1  # importance below which only an upper bound is shown
 
+_CALLED = {"static": "static equilibrium", "swept_sine": "swept sine"}  # analyses of cases
 _DESIGNS = {
     "grid": "grid of ", "zip": "", "one_at_a_time": "one parameter at a time, ",
     "optimise": "search of ", "latin_hypercube": "Latin-hypercube sample of ",
@@ -234,9 +235,8 @@ def _cases_text(result: StudyResult) -> str:
     failed = f", {s['failed']} FAILED" if s["failed"] else ""
     failed += f", {s['not_reliable']} not reliable" if s.get("not_reliable") else ""
     passing = f", {_passing(result, s['passing'])}" if "passing" in s else ""
-    cases = (
-        f"{_DESIGNS[result.kind]}{sides}{count_text(result.count, 'case')}, each a {s['analysis'].replace('_', ' ')}"
-    )
+    analysis = _CALLED.get(s["analysis"], s["analysis"])
+    cases = f"{_DESIGNS[result.kind]}{sides}{count_text(result.count, 'case')}, each a {analysis}"
     return f"{cases}{solved}{failed}{passing}"
 
 

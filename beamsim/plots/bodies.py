@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import partial
 
@@ -14,7 +15,7 @@ from beamsim.analyses.run.result import RunResult
 from beamsim.labelled import Dataset
 from beamsim.plots.drawing import DARK, MOST_PANELS, RED, Chart, Curve, Guide, Picture, marks_curve
 from beamsim.plots.sketch import HEIGHT, Sketch, scale_bar
-from beamsim.plots.style import amount, round_length, scale_for
+from beamsim.plots.style import Scale, amount, round_length, scale_for
 from beamsim.structures.assembly import snubber_site
 from beamsim.structures.places import Place, Stations
 from beamsim.system.structural import SnubberNumbers
@@ -79,20 +80,38 @@ def deflected_shapes(result: RunResult, name: str) -> Chart:
         if moved is not None:
             instants = zip(beam["extreme_time"].values, beam["extreme_shape"].values, strict=True)
             shapes += [("then", shape, float(np.interp(t, time, moved))) for t, shape in instants if np.isfinite(t)]
-        side = -1.0 if s.side == "below" else 1.0
-        for when, shape, stand in shapes:
-            at, free = np.interp(s.position, position, shape), stand + side * s.gap
-            shut = side * (at - free) >= 0.0  # it follows the beam until it is free
-            label = f"snubber, {'closed' if shut else 'open'} {when}"
-            triangle = {"marker": 6 if side < 0.0 else 7, "markersize": 11, "color": RED, "clip_on": False,
-                        "markerfacecolor": RED if shut else "white"}  # fmt: skip
-            face = (s.position, at if shut else free)  # which is the tip of the triangle
-            marks.append(marks_curve("" if label in [mark.label for mark in marks] else label, face, **triangle))
+        marks += [stop_mark(s, float(np.interp(s.position, position, y)), at, when, marks) for when, y, at in shapes]
     of = name if len(bodies) > 1 else "the beam"
-    scale = scale_for("m", beam["extreme_shape"].values, np.array([mark.y for mark in marks]))
+    scale = deflection_scale(beam["extreme_shape"].values, marks)
     rest = Guide("", 0.0, {"color": "0.6", "linewidth": 0.7, "zorder": 1})
     x_axis, y_axis = (f"Position along {of}", "m"), ("Relative deflection", scale)
     return Chart(x_axis, y_axis, curves, [rest], marks=marks)
+
+
+def deflection_scale(shapes: Floats, marks: Sequence[Curve]) -> Scale:
+    """Scale of deflections, m, that are drawn with the faces of stops."""
+    return scale_for("m", shapes, np.array([mark.y for mark in marks]))
+
+
+def stop_mark(stop: SnubberNumbers, deflection: float, stand: float, when: str, others: Sequence[Curve]) -> Curve:
+    """The face of a stop at a beam: it follows the beam until it is free.
+
+    Parameters
+    ----------
+    stop : with its gap and side.
+    deflection : m, of the beam there.
+    stand : m, motion of the stop's mounting.
+    when : end of its label.
+    others : marks that are drawn before; a label is written once.
+    """
+    side = -1.0 if stop.side == "below" else 1.0
+    free = stand + side * stop.gap
+    shut = side * (deflection - free) >= 0.0
+    label = f"snubber, {'closed' if shut else 'open'} {when}".rstrip()
+    triangle = {"marker": 6 if side < 0.0 else 7, "markersize": 11, "color": RED, "clip_on": False,
+                "markerfacecolor": RED if shut else "white"}  # fmt: skip
+    face = (stop.position, deflection if shut else free)  # which is the tip of the triangle
+    return marks_curve("" if label in [mark.label for mark in others] else label, face, **triangle)
 
 
 def plot_contours(ax: Axes, x: Floats, y: Floats, shape: Floats, title: str, unit: str = "") -> None:

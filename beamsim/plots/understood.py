@@ -43,7 +43,7 @@ def interpretation(scenario: Scenario, modes: Dataset | None, inputs: Inputs, co
     """
     command = command or _command_of(scenario)
     held = command == "nnm" and scenario.nnm is not None and scenario.nnm.phase_resonance is not None
-    excited = bool(scenario.excitation.items) and (held or command not in ("nnm", "identify-stiffness"))
+    excited = bool(scenario.excitation.items) and (held or command not in ("nnm", "identify-stiffness", "static"))
     parts = excitation_text(scenario, inputs, command).split("\n") if excited else []
     low_pass = None if scenario.run is None or command not in ("", "run") else scenario.run.low_pass
     if low_pass is not None:

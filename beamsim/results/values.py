@@ -19,6 +19,7 @@ from beamsim.outcomes import COMPLETE, Outcome, Verdict, on_limit
 from beamsim.scenario import Scenario
 from beamsim.scenario.reporting import Limits
 from beamsim.scenario.units import STANDARD_GRAVITY
+from beamsim.structures.places import StressRows
 from beamsim.summaries import ByName, Entry, Number
 from beamsim.system.equations import Channel, ChannelSet, Key
 from beamsim.typing import Floats, not_none
@@ -234,6 +235,10 @@ VALUES = (
           "contact force of a snubber at static equilibrium"),
     Value("static_moment", "static_moment_n_m", "snubbers", "", None, "N m",
           "contact moment of a stop of a hinge at static equilibrium"),
+    Value("reaction", "reaction_n", "supports", "reaction", None, "N",
+          "force of a support on the structure at static equilibrium", "reaction"),
+    Value("reaction_moment", "reaction_moment_n_m", "supports", "reaction", None, "N m",
+          "moment of a support on the structure at static equilibrium", "reaction moment"),
     Value("rms_absolute_acceleration", "rms_absolute_acceleration", *ACCELERATION, None, "m/s^2",
           "root mean square of the absolute acceleration", limit="rms_acceleration", reported="rms_acceleration_g"),
     Value("rms_displacement", "rms_displacement", *DISPLACEMENT, None, "m",
@@ -252,6 +257,10 @@ VALUES = (
           "natural frequencies with every contact open"),
     Value("closed_frequencies_hz", "closed_frequencies_hz", "", "", None, "Hz",
           "natural frequencies with every contact closed"),
+    Value("stuck_frequencies_hz", "stuck_frequencies_hz", "", "", None, "Hz",
+          "natural frequencies about static equilibrium with friction stuck"),
+    Value("sliding_frequencies_hz", "sliding_frequencies_hz", "", "", None, "Hz",
+          "natural frequencies about static equilibrium with friction sliding"),
     Value("bilinear_frequency_hz", "", "", "", None, "Hz",
           "2 f F / (f + F) of the first open (f) and closed (F) frequency"),
     Value("resonance_frequency", "", "probes", "", None, "Hz", "frequency of the largest response"),
@@ -391,6 +400,15 @@ def _largest_of_each(channels: Sequence[Channel], numbers: Sequence[float]) -> I
     """Each channel with the largest of its numbers, of which it has one for each of its columns."""
     rest = iter(numbers)
     return ((channel, max(islice(rest, channel.columns))) for channel in channels)
+
+
+def place_of_stress(stress: StressRows, extremes: Extremes, *, several: bool) -> dict[str, Any]:
+    """Place of the largest bending stress; with the body if there are several."""
+    where = int(largest(extremes[STRESS]).argmax())
+    place: dict[str, Any] = {"largest_bending_stress_position_m": float(stress.stations.position[where])}
+    if stress.stations.position_y is not None:
+        place["largest_bending_stress_y_m"] = float(stress.stations.position_y[where])
+    return place | ({"largest_bending_stress_body": stress.bodies[where]} if several else {})
 
 
 def parse_limit(name: str) -> tuple[Value, str]:

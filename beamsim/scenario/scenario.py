@@ -853,6 +853,7 @@ def _round_number(least: float) -> float:
 
 USED_SECTIONS: dict[str, frozenset[str]] = {
     "run": frozenset({"run", "limits"}),
+    "static": frozenset({"limits"}),
     "sweep": frozenset({"sweep", "limits"}),
     "vary": frozenset({"vary", "optimise", "sweep", "run", "limits"}),
     "nnm": frozenset({"nnm"}),

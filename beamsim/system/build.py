@@ -39,9 +39,9 @@ from beamsim.structures.assembly import load_site_in
 from beamsim.structures.mechanisms import check_mechanisms, floating_motions, immobile_problems, open_loops
 from beamsim.structures.places import SLOPE, LoadSite, Place, Site
 from beamsim.structures.reduction import places_needed
-from beamsim.system.equations import Forcing, PiecewiseLinearSystem, SineLoads
+from beamsim.system.equations import Channel, Forcing, PiecewiseLinearSystem, SineLoads
 from beamsim.system.force_tables import TableOfStop, force_tables
-from beamsim.system.outputs import output_channels, output_sites
+from beamsim.system.outputs import output_channels, output_sites, reaction_channels
 from beamsim.system.reduced_model import (
     ReducedModel,
     SharedBuilds,
@@ -335,9 +335,9 @@ def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool 
         model=model, as_built=dynamics, dynamics=dynamics, forcing=forcing, initial_state=initial,
         probes=_describe_probes(model), base=base,
         snubbers=_describe_snubbers(model, contacts, equilibrium, static_loads.tables), bodies=recoveries,
-        stops=static_loads.stops, static_equilibrium=equilibrium.q, static_reason=equilibrium.reason,
-        excitation_frequency_hz=scenario.excitation.tone_hz, cubic=static_loads.cubic, springs=static_loads.springs,
-        outputs=outputs,
+        stops=static_loads.stops, static_equilibrium=equilibrium.q, static_forces=equilibrium.force,
+        static_reason=equilibrium.reason, excitation_frequency_hz=scenario.excitation.tone_hz,
+        cubic=static_loads.cubic, springs=static_loads.springs, outputs=outputs,
         files=tuple(each for member in model.structure.members if (each := member.body.file_summary) is not None),
         remarks=(
             *(f"{member.body.name}: {note}" for member in model.structure.members for note in member.body.notes),
@@ -348,6 +348,24 @@ def _build(model: ReducedModel, static_loads: _StaticLoads, with_stations: bool 
         inputs=tuple(replace(a.statement, path=path) for path, a in accounts if a.statement is not None),
         base_correction=correction, sine=sine_loads(model, forcing),
     )  # fmt: skip
+
+
+def static_shape_of(system: StructuralSystem) -> Floats:
+    """(n,) coordinates of the static equilibrium of a system.
+
+    Raises
+    ------
+    ScenarioError
+        With the reason if there is none, or if it is not unique.
+    """
+    found = Equilibrium(system.static_equilibrium, system.static_forces, system.static_reason)
+    return _static_shape(system.model, found, "", "there is no single static equilibrium", _HOLD)
+
+
+def support_channels(system: StructuralSystem) -> list[tuple[Channel, bool]]:
+    """The forces and moments of all supports of a system, each with whether the motion determines it."""
+    sites = _build_static_loads(system.model).sites
+    return reaction_channels(system.model, sites, system.dynamics.contacts, system.forcing)
 
 
 def _statics(
@@ -563,6 +581,9 @@ def _describe_snubbers(
     return tuple(described)
 
 
+_HOLD = "hold the structure with a support, a preload or a load towards a snubber"
+
+
 def initial_state(
     model: ReducedModel, contacts: Contacts, loads: Floats, cubic: CubicSprings | None, equilibrium: Equilibrium
 ) -> tuple[Floats, list[str]]:
@@ -587,8 +608,9 @@ def initial_state(
     start = None if model.scenario.run is None else model.scenario.run.start
     if start != "static_equilibrium":
         return _other_start(model, start, contacts, loads, cubic, equilibrium)
-    remedy = "start from rest, or hold the structure with a support, a preload or a load towards a snubber"
-    q = _static_shape(model, equilibrium, "run.start", "= static_equilibrium does not exist", remedy)
+    q = _static_shape(
+        model, equilibrium, "run.start", "= static_equilibrium does not exist", f"start from rest, or {_HOLD}"
+    )
     return np.concatenate([q, np.zeros(q.size)]), []
 
 

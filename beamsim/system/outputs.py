@@ -14,7 +14,7 @@ from beamsim.errors import ScenarioError
 from beamsim.scenario.base import Path, problem
 from beamsim.scenario.excitation import point_of
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
-from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, LoadSite, Place, Recovery, Site
+from beamsim.structures.places import DEFLECTION, ROTATIONS, SLOPE, UPWARDS, Link, LoadSite, Place, Recovery, Site
 from beamsim.structures.support_forces import Support, supports_of
 from beamsim.system.equations import Channel, Forcing, Sizes
 from beamsim.system.reduced_model import (
@@ -54,6 +54,35 @@ def output_channels(
     """
     asked = _OutputContext(model, recoveries, contact_sites, contacts, forcing)
     return tuple(asked.channel(path, output) for path, output in model.scenario.requested_outputs)
+
+
+def reaction_channels(
+    model: ReducedModel, contact_sites: Sequence[Site], contacts: Contacts, forcing: Forcing
+) -> list[tuple[Channel, bool]]:
+    """The forces and moments of all supports on a structure.
+
+    Joints between bodies are left out.
+
+    Parameters
+    ----------
+    model : reduced model of the scenario.
+    contact_sites : (m,) places of the contacts.
+    contacts, forcing : contacts and loads of the system.
+
+    Returns
+    -------
+    Each with whether it is determined; their names are those of body, support and direction where these differ.
+    """
+    asked, several = _OutputContext(model, (), contact_sites, contacts, forcing), len(model.structure.members) > 1
+    channels = []
+    for support in (each for each in asked.supports if not isinstance(each.site, Link)):
+        turns = support.direction in (SLOPE, *ROTATIONS)
+        words = [support.body] if several else []
+        words += [support.name, *([] if support.direction in (SLOPE, DEFLECTION) else [support.direction])]
+        rows = asked.sizes.rows(1, **asked.blocks_of([(1.0, support)]))
+        name = " ".join(filter(None, words))
+        channels.append((Channel("supports", name, "reaction", "N m" if turns else "N", rows), support.determined))
+    return channels
 
 
 def output_sites(model: ReducedModel) -> list[Site]:
@@ -212,6 +241,11 @@ class _OutputContext:
 
     def _summed(self, output: Any, place_text: str, supports: Sequence[tuple[float, Support]]) -> Channel:
         """A channel for the sum of support forces with factors."""
+        blocks: dict[str, Any] = self.blocks_of(supports) if supports else {}
+        return self._channel(output, place_text, **blocks)
+
+    def blocks_of(self, supports: Sequence[tuple[float, Support]]) -> dict[str, Floats]:
+        """Blocks of the row of a sum of support forces with factors, see `Sizes`."""
         scenario, structure = self.model.scenario, self.model.structure
         vectors = self.model.basis.vectors / np.sqrt(structure.mass_scale)
 
@@ -224,8 +258,6 @@ class _OutputContext:
         def shares(sites: Sequence[LoadSite]) -> Floats:
             return np.array([share(site) for site in sites]).reshape(len(sites))
 
-        if not supports:
-            return self._channel(output, place_text)
         by_base = [total(partial(Support.base_forces, motion=motion)) for motion in self.model.base]
         weight = 0.0
         for direction, gravity in gravity_loads(scenario):
@@ -244,15 +276,14 @@ class _OutputContext:
         for row, quantity in enumerate(("acceleration", "displacement")):
             load += self.model.of_base(quantity, np.array([[of[row] for of in by_base]]), load.size)[0]
         dead = sum(force.force * share(load_site_in(scenario, force)) for force in scenario.constant_forces)
-        return self._channel(
-            output, place_text,
-            acceleration=np.atleast_2d(total(lambda force: force.acceleration @ vectors)),
-            velocity=np.atleast_2d(total(lambda force: force.velocity @ vectors)),
-            contact=-(shares(self.contact_sites) * self.contacts.sign)[None],
-            load=load[None],
-            constant=np.array([weight - dead]),
-            cubic=shares(self.cubic_sites)[None],
-        )  # fmt: skip
+        return {
+            "acceleration": np.atleast_2d(total(lambda force: force.acceleration @ vectors)),
+            "velocity": np.atleast_2d(total(lambda force: force.velocity @ vectors)),
+            "contact": -(shares(self.contact_sites) * self.contacts.sign)[None],
+            "load": load[None],
+            "constant": np.array([weight - dead]),
+            "cubic": shares(self.cubic_sites)[None],
+        }
 
     def _energy(self, output: Any) -> Channel:
         """A channel for an energy: half the sum of squares of rows, including moving supports."""

@@ -227,6 +227,7 @@ class StructuralSystem:
     bodies: tuple[Recovery, ...]  # quantities recovered along each body
     stops: Contacts  # the snubbers alone
     static_equilibrium: Floats | None  # (n,) base at d = 0; None if there is none, or it is not unique
+    static_forces: Floats  # (m,) N, of the contacts at static equilibrium; NaN if there is none
     static_reason: str  # why there is no static equilibrium; empty if there is one
     excitation_frequency_hz: float  # nan if there is none, or several
     cubic: CubicSprings | None

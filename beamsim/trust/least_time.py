@@ -127,6 +127,8 @@ def least_time_of_study(plan: StudyPlan, solved_cases: int = 0) -> LeastTime:
 
 def _least_of_cases(plan: StudyPlan) -> LeastTime | None:
     """Least time of all cases, estimated from some if their counts differ; None if unknown."""
+    if plan.study.analysis == "static":
+        return None
     least = least_time_of_run if plan.study.analysis == "run" else least_time_of_sweep
     tolerated = [parameter.parameter for parameter in plan.study.realisations.parameters]
     if not any(_varies_counts(parameter) for parameter in (*plan.study.parameters, *tolerated)):

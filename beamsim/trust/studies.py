@@ -19,6 +19,7 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.statics.result import StaticResult
 from beamsim.analyses.studies.designs import unfinished_search
 from beamsim.analyses.studies.layouts import RUNS
 from beamsim.analyses.studies.objectives import objectives
@@ -46,14 +47,14 @@ from beamsim.system.reduced_model import SharedBuilds
 from beamsim.trust.convergence import COMPARISON, unconverged_outcome
 from beamsim.trust.least_time import least_time_of_study
 from beamsim.trust.runs import run
-from beamsim.trust.with_finer_model import continuation, sweep
+from beamsim.trust.with_finer_model import continuation, static, sweep
 from beamsim.typing import not_none
 
 
 def solve_case(
     scenario: Scenario, analysis: str, *, entries: Collection[str] | None = None, builds: SharedBuilds | None = None
-) -> RunResult | SweepResult | ContinuationResult:  # fmt: skip
-    """Solve a case and judge it, as `beamsim run` and `beamsim sweep` do.
+) -> RunResult | StaticResult | SweepResult | ContinuationResult:  # fmt: skip
+    """Solve a case and judge it, as `beamsim run`, `beamsim static` and `beamsim sweep` do.
 
     Parameters
     ----------
@@ -75,6 +76,8 @@ def solve_case(
         if analysis == "run":
             around = copy_context()  # requests to stop that were made outside the run
             return run(scenario, stop=lambda: around.run(stop_requested), entries=entries, builds=builds)
+        if analysis == "static":
+            return static(scenario, builds=builds)
         return (continuation if analysis == "continuation" else sweep)(scenario)
 
 
@@ -295,7 +298,9 @@ def _with_runs(result: StudyResult) -> StudyResult:
 
 
 def _outcomes_of_best(
-    best: RunResult | SweepResult | ContinuationResult, unconverged: Sequence[str], after_divergence: Sequence[str]
+    best: RunResult | StaticResult | SweepResult | ContinuationResult,
+    unconverged: Sequence[str],
+    after_divergence: Sequence[str],
 ) -> tuple[Outcome, ...]:
     """Outcomes of the result of the best design: why it cannot be used, or which objectives and limits are doubtful.
 

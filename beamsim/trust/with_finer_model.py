@@ -6,6 +6,7 @@ normal mode where it is asked for. Without a comparison the summary says so. Run
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -19,8 +20,9 @@ from beamsim.flow.compiled import processor_time
 from beamsim.flow.swept_motion import CLOSE
 from beamsim.outcomes import Progress, Stop, never, part_of, stop_requested, stop_requests
 from beamsim.responses.gapping import finite
-from beamsim.results.values import largest_in, peaks_in
+from beamsim.results.values import VALUES, largest_in, peaks_in
 from beamsim.scenario import Scenario, Source, scenario_of
+from beamsim.system.reduced_model import SharedBuilds
 from beamsim.trust.convergence import (
     COMPARISON,
     NOT_ASKED,
@@ -45,10 +47,13 @@ if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.continuation.result import ContinuationResult
     from beamsim.analyses.nnm.result import NormalModeResult
+    from beamsim.analyses.statics.result import StaticResult
     from beamsim.analyses.sweep.result import SweepResult
 
 
-_Result = TypeVar("_Result", "CoexistingResult", "ContinuationResult", "NormalModeResult", "SweepResult")
+_Result = TypeVar(
+    "_Result", "CoexistingResult", "ContinuationResult", "NormalModeResult", "StaticResult", "SweepResult"
+)
 HIGHEST = 5  # number of cycles with the largest values of a sweep that are compared (docs/theory.md, section 7) ...
 NEARLY = 0.9  # ... if they reach this share of the largest one
 
@@ -242,6 +247,51 @@ def nnm(
         )
 
 
+def static(
+    scenario: Source, progress: Progress = None, stop: Stop = never, *, builds: SharedBuilds | None = None
+) -> StaticResult:  # fmt: skip
+    """Find static equilibrium under weight and dead loads: contact forces, gaps left, deflections, reactions.
+
+    It also gives the natural frequencies about the equilibrium, with friction stuck and sliding. The excitation does
+    not act.
+
+    Parameters
+    ----------
+    scenario : any case, or what `beamsim.load_scenario` reads, such as the path of its file.
+    progress : called with the fraction done.
+    stop : asked before the comparison whether to end.
+    builds : keeps matrices that other cases have in common with this one.
+
+    Returns
+    -------
+    StaticResult
+        With ``convergence`` and ``doubtful`` in its summary.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no static equilibrium (nothing holds the structure against its loads), or many.
+
+    Examples
+    --------
+    >>> import beamsim
+    >>> result = beamsim.static("configs/structures/resting_beam.yaml")
+    >>> result.summary["touching"]
+    {'middle': True, 'tip': False}
+    """
+    scenario = scenario_of(scenario, "static")
+    from beamsim.analyses.statics.analysis import static as compute
+
+    with stop_requests(stop):
+        return _with_convergence_errors(
+            lambda _: compute(scenario, builds),
+            lambda case, _: compute(case, builds),
+            True,
+            _ComparedValues(_of_static),
+            progress,
+        )
+
+
 def _with_convergence_errors(
     first: Callable[[Progress], _Result],
     solve: Callable[[Scenario, Progress], _Result],
@@ -395,6 +445,16 @@ def _of_continuation(result: ContinuationResult) -> Values:
         entries.setdefault(value.entry, {})[name] = largest / value.scale
     frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
     return comparable_values(entries | ({"peak_frequency_hz": frequency} if frequency else {})) | _frequencies(result)
+
+
+def _of_static(result: StaticResult) -> Values:
+    """All values at static equilibrium, and natural frequencies; NaN are frequencies of motions that friction holds."""
+    compared = (value.entry for value in VALUES if value.entry in result.summary)
+    kept, values = result["modes"]["kept_modes"].item(), dict[str, Any]()
+    for entry in compared:
+        value = result.summary[entry]
+        values[entry] = [x for x in value[:kept] if not math.isnan(x)] if isinstance(value, list) else value
+    return comparable_values(values)
 
 
 def _of_mode(result: NormalModeResult) -> Values:

@@ -23,6 +23,7 @@ GIVEN = {  # by document what its readers have already: result files, each with 
     "docs/python.md": ({"nnm_first.h5": MODE}, {}),
     "docs/result_files.md": ({"case.h5": RUN}, {}),
     "docs/sensitivities.md": ({}, {"scenario": "configs/studies/sensitivities.yaml"}),
+    "docs/statics.md": ({}, {}),
     "docs/studies.md": ({}, {}),
     "docs/sweeps.md": ({"case.h5": SWEEP}, {}),
 }

@@ -15,6 +15,8 @@ QUOTED = {  # by document and beginning of the first line the commands whose out
     ("README.md", "One-sided contact, 65 Hz"): ["run configs/one_sided_65hz.yaml"],
     ("docs/gapping.md", "tip opens from 1.151 g"): ["run configs/thesis/prestressed_90hz_3g.yaml"],
     ("docs/studies.md", "                       tip peak force"): ["sweep configs/studies/design_tornado.yaml"],
+    ("docs/statics.md", "A beam at rest on a stop"): ["static configs/structures/resting_beam.yaml"],
+    ("docs/statics.md", "Gap and dead load of a beam"): ["sweep configs/studies/static_gaps.yaml"],
     ("docs/comparison.md", "                         FRAC "): [
         "sweep configs/sweeps/sweep_test.yaml",
         "compare sweep_test.h5 configs/measurements/sweep_test.csv --reference base --cycles 3",

@@ -62,6 +62,8 @@ def asked(path):
     sections = [section for section in sections if section in own] or (
         [] if {"vary", "optimise"} & own.keys() else sections
     )
+    if not sections and scenario.study is None and not scenario.excitation.items:
+        return ["static"]
     return [COMMANDS[section] for section in sections if not (section == "sweep" and scenario.study is not None)]
 
 

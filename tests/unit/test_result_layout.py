@@ -16,7 +16,7 @@ from beamsim.store.results import SCHEMA_VERSION, kind_of
 FOLDER = Path(__file__).parents[1] / "data" / "results"
 FILES = sorted(FOLDER.glob("*.h5.gz"))
 ONE_OF_EACH_KIND = ("coexisting", "compare", "compare_modes", "continuation", "designs", "identify_update", "nnm",
-                    "run_random", "sweep")  # fmt: skip
+                    "run_random", "static", "sweep")  # fmt: skip
 OF_HDF5 = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME"}
 OF_BYTES = {"checksum"}  # which kept files of earlier versions have
 

@@ -44,11 +44,11 @@ from beamsim.results.values import (
     largest_at,
     margins,
     parse_limit,
+    place_of_stress,
     values_of,
 )
 from beamsim.scenario.excitation import RandomInput, Shock
 from beamsim.scenario.units import STANDARD_GRAVITY
-from beamsim.structures.places import StressRows
 from beamsim.system.equations import Key
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, Ints, not_none
@@ -331,7 +331,7 @@ def summary_of_run(
     if any(spring.listed_as == "springs" for spring in system.springs):
         summary["breakpoints_passed"] = motion.breakpoints
     if system.stress is not None and STRESS in motion.extremes:
-        summary |= _place_of_stress(system.stress, motion.extremes, several=len(system.bodies) > 1)
+        summary |= place_of_stress(system.stress, motion.extremes, several=len(system.bodies) > 1)
     predicted = needed.has("gapping_ratio") and system.snubbers
     if predicted:
         nothing, what = dict[str, dict[str, Any]](), "the level that changes contact"
@@ -341,15 +341,6 @@ def summary_of_run(
         if system.sine is not None:
             summary["gapping_ratio"] = gapping_ratios(of_snubbers)
     return summary
-
-
-def _place_of_stress(stress: StressRows, extremes: Extremes, *, several: bool) -> dict[str, Any]:
-    """Place of the largest bending stress; with the body if there are several."""
-    where = int(largest(extremes[STRESS]).argmax())
-    place: dict[str, Any] = {"largest_bending_stress_position_m": float(stress.stations.position[where])}
-    if stress.stations.position_y is not None:
-        place["largest_bending_stress_y_m"] = float(stress.stations.position_y[where])
-    return place | ({"largest_bending_stress_body": stress.bodies[where]} if several else {})
 
 
 def gapping_of_run(motion: RunMotion, summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

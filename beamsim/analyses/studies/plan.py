@@ -40,7 +40,8 @@ from beamsim.scenario.studies import (
 from beamsim.typing import Floats
 
 MOST_CHECKED = 400  # number of cases checked before the first is solved
-ANALYSES = ("run", "swept_sine", "stepped", "continuation")  # analyses of a case: a run, or the kind of sweep
+# analyses of a case: a run, static equilibrium, or the kind of sweep
+ANALYSES = ("run", "static", "swept_sine", "stepped", "continuation")
 MOST_SHOWN = 5  # problems and failures in one message
 
 
@@ -143,7 +144,7 @@ class Study:
         if case.realisation or case.deviations:
             deviations = case.deviations or self.realisations.deviations[case.realisation].tolist()
             scenario = with_values(scenario, self.realisations.values(scenario, deviations))
-        if case.compared:
+        if case.compared and self.analysis != "static":
             scenario = with_values(scenario, {(self.section, "convergence"): "on"})
         return scenario.recheck()
 
@@ -227,6 +228,8 @@ class StudyPlan:
     @property
     def convergence(self) -> str | None:
         """Cases to compare with a finer model: all ("on"), none ("off"), or the deciding ones (None)."""
+        if self.study.analysis == "static":  # little work
+            return "on"
         return getattr(getattr(self.scenario, self.study.section), "convergence", None)
 
 
@@ -394,17 +397,21 @@ def _requested_responses(
 
 
 def analysis_of(scenario: Scenario) -> str:
-    """Analysis of each case: its sweep, or else its run."""
-    kind = "run" if scenario.sweep is None else str(scenario.sweep.kind)
-    if kind not in ANALYSES:
+    """Analysis of each case: its sweep, or else its run, or else its static equilibrium."""
+    if scenario.sweep is not None:
+        kind = str(scenario.sweep.kind)
+        if kind not in ANALYSES:
+            of_sweeps = [each for each in ANALYSES if each not in ("run", "static")]
+            raise ScenarioError.at(
+                "sweep.kind", f"= {kind} cannot be combined with vary", f"use one of {', '.join(of_sweeps)}"
+            )
+        return kind
+    if scenario.run is None and scenario.excitation.items:
         raise ScenarioError.at(
-            "sweep.kind", f"= {kind} cannot be combined with vary", f"use one of {', '.join(ANALYSES)}"
-        )
-    if kind == "run" and scenario.run is None:
-        raise ScenarioError.at(
-            "run", "is missing", "add for example `run: {duration: 1 s}`; without sweep every case is a run"
-        )
-    return kind
+            "run", "is missing", "add for example `run: {duration: 1 s}`; without sweep every case is a run, and "
+            "without excitation a static equilibrium"
+        )  # fmt: skip
+    return "static" if scenario.run is None else "run"
 
 
 def _plan(

@@ -10,6 +10,7 @@ import numpy as np
 
 from beamsim.analyses.continuation.result import ContinuationResult
 from beamsim.analyses.run.result import RunResult
+from beamsim.analyses.statics.result import StaticResult
 from beamsim.analyses.sweep.result import SweepResult
 from beamsim.results.values import BY_ENTRY, BY_NAME, DISPLACEMENT, Value, largest_in, parse_limit
 from beamsim.scenario import Scenario
@@ -97,8 +98,11 @@ def place_of(name: str) -> str:
     return " ".join([place, *curve]).strip()
 
 
-def responses_of_result(result: RunResult | SweepResult | ContinuationResult) -> Responses:
+def responses_of_result(result: RunResult | StaticResult | SweepResult | ContinuationResult) -> Responses:
     """All responses of a complete case."""
+    if isinstance(result, StaticResult):
+        about = {name: result.summary[name] for name in ("stuck_frequencies_hz", "sliding_frequencies_hz")}
+        return run_responses(result.summary) | {name: _first_six(of) for name, of in about.items()}
     if isinstance(result, RunResult):
         return run_responses(result.summary | result.root_mean_squares)
     modes, snubbers = result["modes"], bool(result.scenario.all_snubbers)
@@ -110,7 +114,7 @@ def responses_of_result(result: RunResult | SweepResult | ContinuationResult) ->
 def run_responses(summary: Mapping[str, Any]) -> Responses:
     """Responses of a run from its summary; missing entries are skipped."""
     values: Responses = {}
-    for section in ("probes", "snubbers", "springs", "friction", "outputs"):
+    for section in ("probes", "snubbers", "springs", "friction", "outputs", "supports"):
         found = [(v, summary[v.entry]) for v in BY_ENTRY.values() if v.section == section and v.entry in summary]
         for name in dict.fromkeys(name for _, of in found for name in of):
             values |= {f"{section}/{name}/{v.name}": float(of[name]) * v.scale for v, of in found if name in of}
@@ -157,8 +161,12 @@ def _largest(curve: str, value: Value, name: str, largest: float, frequency: flo
 def _frequency_responses(opened: list[float], closed: list[float], snubbers: bool) -> Responses:
     """First six natural frequencies, and the bilinear frequency of the first pair."""
     first = {"open_frequencies_hz": opened} | ({"closed_frequencies_hz": closed} if snubbers else {})
-    values: Responses = {name: (of[:6] + [math.nan] * 6)[:6] for name, of in first.items()}
+    values: Responses = {name: _first_six(of) for name, of in first.items()}
     if snubbers:
         both = opened[0] + closed[0]
         values["bilinear_frequency_hz"] = 2.0 * opened[0] * closed[0] / both if both else math.nan
     return values
+
+
+def _first_six(frequencies: list[float]) -> list[float]:
+    return (frequencies[:6] + [math.nan] * 6)[:6]

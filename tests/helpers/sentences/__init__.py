@@ -16,8 +16,8 @@ from tests.helpers.sentences.studies import other_cell, responses_called
 from tests.helpers.sentences.values import called_name, compared_text
 
 FILES = (
-    "first_line", "cells", "continuations", "coexisting", "modes", "runs_and_sweeps", "studies", "identification",
-    "understood", "statements",
+    "first_line", "cells", "continuations", "coexisting", "modes", "runs_and_sweeps", "statics", "studies",
+    "identification", "understood", "statements",
 )  # fmt: skip
 for name in FILES:
     import_module(f"{__name__}.{name}")

@@ -38,7 +38,8 @@ def _cases(facts, found):
 
 @rule("verdict", r"each a ([a-z ]+)")
 def _each(facts, found):
-    if found[1].replace(" ", "_") != facts.summary["analysis"]:
+    analysis = "static" if found[1] == "static equilibrium" else found[1].replace(" ", "_")
+    if analysis != facts.summary["analysis"]:
         yield f"each is a {facts.summary['analysis']}"
 
 
