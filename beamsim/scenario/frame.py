@@ -616,7 +616,7 @@ class FrameBody(Body):
         assert place.position is not None
         assert not isinstance(place.position, tuple)
         number = list(self.members).index(place.member) + 1
-        return float(number), self.along(place.member, place.position)
+        return float(number), self.distance_along(place.member, place.position)
 
     def coordinates_of(self, place: AtPlace) -> Vector:
         """Coordinates of a place, m."""
@@ -624,9 +624,9 @@ class FrameBody(Body):
             return self.nodes[str(place.node)]
         assert place.position is not None
         assert not isinstance(place.position, tuple)
-        return point_at(self.members[place.member].curve(self.nodes), self.along(place.member, place.position))
+        return point_at(self.members[place.member].curve(self.nodes), self.distance_along(place.member, place.position))
 
-    def along(self, member: str, position: float | q.Share) -> float:
+    def distance_along(self, member: str, position: float | q.Share) -> float:
         """Distance along a member, m; exactly its length if only round-off is between them."""
         length = self.members[member].curve(self.nodes).length
         s = length * position.value if isinstance(position, q.Share) else position
@@ -671,7 +671,7 @@ class FrameBody(Body):
             length = self.members[member].curve(self.nodes).length
         except (InvalidValueError, KeyError):
             return  # a problem of the member
-        if (s := self.along(member, position)) > length:
+        if (s := self.distance_along(member, position)) > length:
             message = f"= {s:g} m lies beyond the end of {member}, which is {length:g} m long"
             yield problem((*path, "position"), message, f"positions run from 0 to {length:g} m, from its first node")
 

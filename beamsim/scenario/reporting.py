@@ -77,7 +77,10 @@ class BendingOutput(Output, PlacedItem):
             return
         if body.body_kind not in ("beam", "plate"):
             message = f"asks for a {self.kind.replace('_', ' ')}, but {name} is of the kind {body.body_kind}"
-            yield problem(path, message, "name a point of a beam or plate")
+            remedy = "name a point of a beam or plate"
+            if body.body_kind == "frame":
+                remedy = "give recovered: {foot: {member: leg, position: 0, quantity: stress}}, and kind: recovered"
+            yield problem(path, message, remedy)
         elif self.component is not None and body.body_kind == "beam":
             yield problem((*path, "component"), f"belongs to a plate, but {name} is a beam", "leave it out")
         elif self.kind == "strain" and body.gives_strain:
@@ -147,7 +150,7 @@ class RecoveredOutput(Output):
     kind: Literal["recovered"]
     """The product of the row with the motion of the degrees of freedom."""
     row: q.Name
-    """Name of the row."""
+    """Name of the row of the recovery matrix, or of what a frame recovers."""
     body: q.Name | None = None
     """The body; may be omitted if there is only one."""
     motion: Literal["displacement", "velocity", "acceleration"] = "displacement"

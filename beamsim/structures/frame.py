@@ -146,7 +146,9 @@ def _elements_of(section: FrameBody, name: str) -> MemberElements:
     if curve.centre is not None:
         count = max(count, int(np.ceil(curve.angle / (np.pi / 2) - 1e-9)))  # an element turns by at most 90 degrees
     masses = [
-        section.along(name, m.position) for m in section.point_masses if m.member == name and m.position is not None
+        section.distance_along(name, m.position)
+        for m in section.point_masses
+        if m.member == name and m.position is not None
     ]
     bounds = np.linspace(0.0, curve.length, count + 1)
     for s in masses:
@@ -206,7 +208,7 @@ def named_frame(section: FrameBody) -> NamedFrame:
         stiffness, mass, damping = _with_springs(stiffness, mass, springs)
     table = DofTable((*dofs, *(each.dof for each in springs)), points)
     motion = csr_array((follow.data, follow.indices, follow.indptr), shape=(mesh.size, len(table.dofs)))
-    used = _used(stiffness, mass)
+    used = _rows_in_use(stiffness, mass)
     stiffness, mass, damping = (
         None if matrix is None else matrix[used][:, used].tocsc() for matrix in (stiffness, mass, damping)
     )
@@ -214,7 +216,7 @@ def named_frame(section: FrameBody) -> NamedFrame:
     return NamedFrame(mesh, named, csr_array(motion[:, used]), supports)
 
 
-def _used(stiffness: Any, mass: Any) -> Ints:
+def _rows_in_use(stiffness: Any, mass: Any) -> Ints:
     """Rows with stiffness or mass; a node whose members are all released there keeps none in some directions."""
     held, heavy = (np.asarray(abs(matrix).max(axis=1).toarray()).ravel() for matrix in (stiffness, mass))
     return np.flatnonzero((held > _UNUSED * held.max(initial=0.0)) | (heavy > _UNUSED * heavy.max(initial=0.0)))
@@ -337,7 +339,7 @@ class FrameStructure(MatricesStructure):
     def _section_row(self, asked: SectionForce) -> Floats:
         """(rows,) a force, moment or stress for a unit of each row."""
         member = list(self.mesh.section.members).index(asked.member)
-        s = self.mesh.section.along(asked.member, asked.position)
+        s = self.mesh.section.distance_along(asked.member, asked.position)
         forces = (self.mesh.force_rows(member, s) @ self.frame.motion).toarray()
         names = ("axial_force", "shear_y", "shear_z", "torque", "moment_y", "moment_z")
         if asked.quantity != "stress":

@@ -1,5 +1,8 @@
 """Frames in space against closed forms, published frequencies, and their own matrices read back."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -465,3 +468,31 @@ def test_mode_shapes_in_space_follow_the_members(tmp_path):
         base = BaseDirection(direction, (0.3, 0.1, 0.2))
         moved = np.array([rows @ model.rigid_motion(base) for rows in drawn.motion]).T
         assert_allclose(moved, base.displacements(drawn.points), atol=1e-9)
+
+
+def test_a_frame_in_one_plane_is_a_beam():
+    """Frequencies of the beam of the same elements with a point mass and a spring at its end."""
+    beam = scenario_of({
+        "beam": {
+            "length": 0.9, "width": 0.03, "thickness": 0.004, "youngs_modulus": 7e10, "density": 2700, "elements": 6,
+            "point_masses": [{"position": "50 %", "mass": 0.05, "rotary_inertia": 1e-5}],
+            "supports": {"right": {"stiffness": 300.0}},
+        },
+        "excitation": {"kind": "harmonic", "applied_to": "base", "level": 1, "frequency": 20},
+    })  # fmt: skip
+    same = frame(
+        {"left": [0, 0, 0], "middle": [0.45, 0, 0], "right": [0.9, 0, 0]},
+        {"a": {"nodes": ["left", "middle"]}, "b": {"nodes": ["middle", "right"]}},
+        {"left": "clamped", "right": {"stiffness": {"z": 300.0}}},
+        {"s": {"section": {"kind": "rectangle", "width": 0.03, "thickness": 0.004}, "youngs_modulus": 7e10,
+               "density": 2700}},
+        elements=3, point_masses=[{"node": "middle", "mass": 0.05, "rotary_inertia": [0, 1e-5, 0]}],
+    )  # fmt: skip
+    expected, found = frequencies(beam, 6), frequencies(same, 60)
+    assert np.all(np.abs(found[:, None] / expected - 1).min(axis=0) < 1e-9)
+
+
+def test_the_example_of_the_page_is_valid():
+    page = (Path(__file__).parents[2] / "docs" / "frames.md").read_text(encoding="utf-8")
+    example = yaml.safe_load(re.search(r"```yaml\n(title.*?)```", page, re.S).group(1))
+    assert assemble(scenario_of(example)).size > 60

@@ -13,6 +13,7 @@ from tests.helpers.sentences import contradictions
 
 QUOTED = {  # by document and beginning of the first line the commands whose output is quoted
     ("README.md", "One-sided contact, 65 Hz"): ["run configs/one_sided_65hz.yaml"],
+    ("docs/frames.md", "Pipe with two elbows"): ["run configs/structures/pipe_two_elbows.yaml"],
     ("docs/gapping.md", "tip opens from 1.151 g"): ["run configs/thesis/prestressed_90hz_3g.yaml"],
     ("docs/studies.md", "                       tip peak force"): ["sweep configs/studies/design_tornado.yaml"],
     ("docs/statics.md", "A beam at rest on a stop"): ["static configs/structures/resting_beam.yaml"],
