@@ -15,11 +15,44 @@ def test_kept_decks_are_those_of_the_scenarios(name):
     assert calculix.DECKS[name]() == kept
 
 
-def close(computed, mesh, bounds):
-    """Values of beamsim and of CalculiX agree within bounds by the begin of their names, over the value itself."""
+def assert_close(computed, mesh, bound):
+    """Each value is within its bound, by name, of that of CalculiX with a mesh and step, over that itself."""
     kept = finite_elements.numbers()[computed.__name__][mesh]
     found = computed()
     assert found.keys() == kept.keys()
     for quantity, value in kept.items():
-        bound = next(bounds[begin] for begin in bounds if quantity.startswith(begin))
-        assert found[quantity] == pytest.approx(value, rel=bound), quantity
+        assert found[quantity] == pytest.approx(value, rel=bound(quantity)), quantity
+
+
+def assert_converges(name, coarse, fine, bound):
+    """The numbers of CalculiX with two meshes or steps are within a bound of each other, over the finer ones."""
+    kept = finite_elements.numbers()[name]
+    for quantity, value in kept[fine].items():
+        assert kept[coarse][quantity] == pytest.approx(value, rel=bound), quantity
+
+
+def test_frequencies_of_a_beam():
+    """Bricks have shear and rotary inertia, which lower mode n by about n^2 times a constant."""
+    bounds = {1: 0.0025, 2: 0.0025, 3: 0.004, 4: 0.007, 5: 0.012}
+    assert_close(finite_elements.beam, "20 elements", lambda quantity: bounds[int(quantity.split()[-2].strip(","))])
+    assert_converges("beam", "10 elements", "20 elements", 0.009)
+
+
+def test_a_beam_with_shear_has_the_frequencies_of_bricks():
+    found = finite_elements.timoshenko_beam()
+    kept = finite_elements.numbers()["beam"]["20 elements"]
+    for mode in range(1, 6):
+        frequency = kept[f"open, mode {mode}, Hz"]
+        assert min(abs(value / frequency - 1.0) for value in found) < 0.0015
+
+
+def test_frequencies_of_a_plate():
+    assert_close(finite_elements.plate, "28 x 16 elements", lambda _: 0.005)
+    assert_converges("plate", "14 x 8 elements", "28 x 16 elements", 0.006)
+
+
+def test_frequencies_of_a_frame():
+    """Timoshenko members are bricks but for torsion, which moves modes 3, 4 and 9."""
+    twisted = {"frequency, mode 3, Hz", "frequency, mode 4, Hz", "frequency, mode 9, Hz"}
+    assert_close(finite_elements.frame, "16 elements", lambda quantity: 0.005 if quantity in twisted else 4e-4)
+    assert_converges("frame", "8 elements", "16 elements", 0.003)
