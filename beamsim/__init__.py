@@ -22,6 +22,7 @@ from beamsim.kinds import KINDS
 if TYPE_CHECKING:
     from beamsim.analyses.coexisting.result import CoexistingResult
     from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_channels
+    from beamsim.analyses.compare.before_after import compare_tests
     from beamsim.analyses.compare.result import Comparison
     from beamsim.analyses.compare_modes.analysis import ModeComparison, ShapesAtPlaces, compare_modes, read_shapes
     from beamsim.analyses.continuation.result import ContinuationResult
@@ -96,6 +97,7 @@ _NAMES = {
     "beamsim.store.export": ("export_result",),
     "beamsim.measurements.channels": ("read_tests",),
     "beamsim.analyses.compare.analysis": ("ChannelChoice", "pair_channels"),
+    "beamsim.analyses.compare.before_after": ("compare_tests",),
     "beamsim.analyses.compare_modes.analysis": ("ShapesAtPlaces", "read_shapes"),
     "beamsim.store.results": ("load", "write_result"),
     "beamsim.version": ("__version__",),
@@ -141,6 +143,7 @@ __all__ = [
     "coexisting",
     "compare",
     "compare_modes",
+    "compare_tests",
     "continuation",
     "continue_motion",
     "design_study",

@@ -277,14 +277,27 @@ def identify_stiffness(options: CommandOptions) -> None:
     identify(options)
 
 
-@partial(command, file=Stored, options=COMPUTATION_OPTIONS[1:])
+Compared = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FIRST", help="Result of a run or sweep; or test data before another test, or a case with before_after."
+    ),
+]
+
+
+@partial(command, file=Compared, options=(*COMPUTATION_OPTIONS, "check"))
 def compare(
     options: CommandOptions,
     measured: Annotated[
-        Path,
-        typer.Argument(metavar="MEASURED", help="Measured signals: .uff, .csv, .h5, .nc, .mat, .tdms, .mf4 or .lvm."),
-    ],
-    channel: Annotated[str | None, typer.Option("--channel", help="Channel of the measurement.")] = None,
+        Path | None,
+        typer.Argument(
+            metavar="[MEASURED]", help="Measured signals, or test data after: .uff, .csv, .h5, .mat, .tdms, .mf4, ..."
+        ),
+    ] = None,
+    channel: Annotated[
+        list[str] | None,
+        typer.Option("--channel", help="Channel of the measurement. Of two tests repeatable; BEFORE=AFTER if renamed."),
+    ] = None,
     probe: Annotated[str | None, typer.Option("--probe", help="Probe (or snubber) to compare with.")] = None,
     quantity: Annotated[str | None, typer.Option("--quantity", help="E.g. absolute_acceleration, force.")] = None,
     unit: Annotated[
@@ -322,7 +335,7 @@ def compare(
         typer.Option("--detector", help="What the measurement of a sweep shows of each cycle."),
     ] = None,
     reference: Annotated[
-        str | None, typer.Option("--reference", help="Channel of the excitation, in a time history of a sweep.")
+        str | None, typer.Option("--reference", help="Channel of the excitation, in time histories of a test.")
     ] = None,
     begin: Annotated[
         float | None,
@@ -336,10 +349,33 @@ def compare(
     cycles: Annotated[
         int, typer.Option("--cycles", min=1, help="Track such a record over so many cycles: bandwidth is f / cycles.")
     ] = 1,
+    sweep: Annotated[
+        str | None,
+        typer.Option("--sweep", metavar="FROM,TO,RATE", help="Sine sweep of two tests: '20 Hz, 200 Hz, 2 oct/min'."),
+    ] = None,
+    sweep_after: Annotated[
+        str | None, typer.Option("--sweep-after", metavar="FROM,TO,RATE", help="The same of the test after, if other.")
+    ] = None,
+    line_spacing: Annotated[
+        str | None, typer.Option("--line-spacing", help="Distance of the lines of two random tests, e.g. '1 Hz'.")
+    ] = None,
 ) -> None:
-    """Overlay a run or sweep with measured signals. Prints differences of harmonics, phase aligned; of sweeps peaks."""
-    from beamsim.cli.comparisons import compare_signals
+    """Compare a result with a test, or a test before with one after. Prints differences of harmonics or resonances."""
+    from beamsim.cli.comparisons import compare_signals, compare_tests, is_result
 
+    of_tests = {"sweep": sweep, "sweep_after": sweep_after, "line_spacing": line_spacing}
+    of_results = {
+        "probe": probe, "quantity": quantity, "level": level, "last": last, "curve": curve, "detector": detector,
+        "begin": begin, "harmonics": None if harmonics == 10 else harmonics,
+    }  # fmt: skip
+    if measured is None or not is_result(options.case):
+        given = {
+            "channel": channel, "unit": unit, "axis_unit": axis_unit, "factor": factor, "remove": remove,
+            "high_pass": high_pass, "decimal": decimal, "reference": reference,
+            "cycles": None if cycles == 1 else cycles, **of_tests,
+        }  # fmt: skip
+        compare_tests(options, measured, given, refused=of_results)
+        return
     pairing = {
         "channel": channel, "place": probe, "quantity": quantity, "unit": unit, "axis_unit": axis_unit, "level": level,
         "decimal": decimal,
@@ -347,7 +383,7 @@ def compare(
     prepared = {"factor": factor, "remove": remove, "high_pass": high_pass}
     of_runs = {"harmonics": harmonics, "last": last}
     of_sweeps = {"curve": curve, "detector": detector, "reference": reference, "begin": begin, "cycles": cycles}
-    compare_signals(options, measured, pairing, prepared, of_runs, of_sweeps)
+    compare_signals(options, measured, pairing, prepared, of_runs, of_sweeps, refused=of_tests)
 
 
 @partial(command, file=Case, options=COMPUTATION_OPTIONS)

@@ -10,24 +10,41 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from beamsim.analyses.compare.analysis import ChannelChoice, compare, pair_channels
+from beamsim.analyses.compare.before_after import compare_tests as compare_before_after
 from beamsim.analyses.compare.result import Comparison
 from beamsim.analyses.compare.sweeps import Tracking, compare_sweep
 from beamsim.analyses.compare_modes.analysis import ModeComparison, compare_modes, read_shapes
 from beamsim.cli.command import compute_and_save
-from beamsim.cli.session import CommandOptions, load_case
-from beamsim.errors import Problem, ScenarioError, VerdictError
+from beamsim.cli.session import CommandOptions, load_case, result_stem
+from beamsim.errors import InputFileError, Problem, ScenarioError, VerdictError
 from beamsim.files import output_file
+from beamsim.hdf5 import open_hdf5
 from beamsim.measurements.channels import history_named
+from beamsim.measurements.read import ENDINGS_OF_RECORDS, HDF5
 from beamsim.outcomes import Verdict, exit_code
+from beamsim.scenario import Scenario, load_scenario
 from beamsim.scenario.base import path_text
 from beamsim.scenario.files import DecimalMark, RecordPreparation
 from beamsim.scenario.validation_errors import describe
 from beamsim.store.results import kind_of, stored_result
 
 
+def is_result(path: Path) -> bool:
+    """Whether a file is meant as a result file: not a scenario, and not test data."""
+    ending = path.suffix.lower()
+    if ending not in HDF5:
+        return ending not in (".yaml", ".yml", *ENDINGS_OF_RECORDS)
+    try:
+        with open_hdf5(path) as file:
+            return "schema_version" in file.attrs
+    except InputFileError:
+        return True
+
+
 def compare_signals(
-    options: CommandOptions, measured: Path, pairing: Mapping[str, Any], preparation_options: Mapping[str, str | None],
-    run_options: Mapping[str, Any], sweep_options: Mapping[str, Any],
+    options: CommandOptions, measured: Path, pairing: Mapping[str, Any],
+    preparation_options: Mapping[str, str | None], run_options: Mapping[str, Any], sweep_options: Mapping[str, Any],
+    *, refused: Mapping[str, object],
 ) -> None:  # fmt: skip
     """Compare the result of a run or a sweep with measured signals.
 
@@ -38,6 +55,7 @@ def compare_signals(
     pairing : assignment of channels to signals of the result, as in `ChannelChoice`.
     preparation_options : options factor, remove and high_pass for measured histories.
     run_options, sweep_options : options for results of runs, and of sweeps.
+    refused : options of two tests.
 
     Raises
     ------
@@ -45,6 +63,12 @@ def compare_signals(
         If an option does not apply to the kind of result; also as `compute_and_save`.
     """
     path = options.case
+    _refuse(refused, "belongs to two tests, and this is a result", "leave it out")
+    names = pairing["channel"] or [None]
+    if len(names) > 1 or options.overrides:
+        message = "= several cannot be compared" if len(names) > 1 else "changes a case, and this is a result"
+        raise ScenarioError.at("--channel" if len(names) > 1 else "--set", message, "give one channel, without --set")
+    pairing = {**pairing, "channel": names[0]}
     target = output_file(options.output, f"{path.stem}_compare", ".h5", ".hdf5")
     preparation = _preparation({name: value for name, value in preparation_options.items() if value is not None})
     swept = kind_of(path) == "sweep"
@@ -60,9 +84,75 @@ def compare_signals(
             chosen = {key: sweep_options[key] for key in ("curve", "detector")}
             comparison = partial(compare_sweep, result, pairs, tracking=tracking, **chosen)
         else:
-            _refuse_sweep_options({name: value for name, value in sweep_options.items() if name != "cycles"})
+            of_sweeps = {name: value for name, value in sweep_options.items() if name != "cycles"}
+            remedy = "leave it out, or give the result of a sweep"
+            _refuse(of_sweeps, "belongs to sweeps, and this is a run", remedy)
             comparison = partial(compare, result, pairs, **run_options)
         compute_and_save("compare", target, options, lambda *_: comparison(), f"comparing with {measured.name}")
+
+
+def compare_tests(
+    options: CommandOptions, measured: Path | None, record_options: Mapping[str, Any], *, refused: Mapping[str, object]
+) -> None:
+    """Compare test data before and after another test.
+
+    Parameters
+    ----------
+    options : shared options; the case is a scenario with ``before_after``, or the file before.
+    measured : the file after; None for a scenario.
+    record_options : options for two files, None where they are missing: channels, and keys of both records.
+    refused : options of results.
+
+    Raises
+    ------
+    ScenarioError
+        If an option is invalid, or belongs to the scenario.
+    VerdictError
+        If a checked limit is exceeded, or may be.
+    """
+    _refuse(refused, "belongs to the comparison with a result, and two tests are compared", "leave it out")
+    if measured is None:
+        if options.case.suffix.lower() in ENDINGS_OF_RECORDS:
+            message = f"{options.case} is test data, and there is nothing to compare it with"
+            remedy = f"give the data after the test, too: beamsim compare {options.case} after.csv"
+            raise ScenarioError.at("", message, remedy)
+        _refuse(record_options, "belongs to two files", "write it in before_after, or give the file after, too")
+        scenario, stem = load_case(options, "compare"), result_stem(options)
+    else:
+        scenario, stem = _scenario_of_files(options, measured, record_options), f"{options.case.stem}_{measured.stem}"
+    target = output_file(options.output, f"{stem}_compare" if measured else stem, ".h5", ".hdf5")
+
+    def compared(*_: object) -> Comparison:
+        with scenario.locating():
+            return compare_before_after(scenario)
+
+    compute_and_save("compare", target, options, compared, "comparing test data")
+
+
+SWEEPS = ("sweep", "sweep_after")  # options of two tests; the second is of the test after alone
+
+
+def _sweep(option: str, text: str) -> dict[str, str]:
+    """Section of a sweep from an option: first and last frequency and rate."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 3:
+        remedy = f"give first and last frequency and rate: {option} '20 Hz, 200 Hz, 2 oct/min'"
+        raise ScenarioError.at(option, f"= {text} is no sweep", remedy)
+    return dict(zip(("from", "to", "rate"), parts, strict=True))
+
+
+def _scenario_of_files(options: CommandOptions, measured: Path, record_options: Mapping[str, Any]) -> Scenario:
+    """Scenario of two files and options."""
+    keys = {name: value for name, value in record_options.items() if value is not None}
+    channels = keys.pop("channel", ())
+    sweeps = {name: _sweep(f"--{name.replace('_', '-')}", keys.pop(name)) for name in SWEEPS if name in keys}
+    before, after = ({"file": str(path.absolute()), **keys} for path in (options.case, measured))
+    if sweeps:
+        before["sweep"], after["sweep"] = sweeps.get("sweep"), sweeps.get("sweep_after", sweeps.get("sweep"))
+    pairs = [dict(zip(("before", "after"), name.split("=", 1), strict=False)) for name in channels]
+    title = f"{options.case.name} and {measured.name}"
+    section = {"before": before, "after": after, "channels": pairs}
+    return load_scenario({"title": title, "before_after": section}, options.overrides or ()).with_source(title)
 
 
 def _preparation(options: Mapping[str, str]) -> RecordPreparation:
@@ -84,17 +174,15 @@ def _preparation(options: Mapping[str, str]) -> RecordPreparation:
         ) from None
 
 
-def _refuse_sweep_options(options: Mapping[str, object]) -> None:
-    """Refuse options that do not apply to the comparison of a run.
+def _refuse(options: Mapping[str, object], message: str, remedy: str) -> None:
+    """Refuse options that do not apply to what is compared.
 
     Raises
     ------
     ScenarioError
     """
     problems = [
-        Problem(f"--{name}", "belongs to sweeps, and this is a run", "leave it out, or give the result of a sweep")
-        for name, value in options.items()
-        if value is not None
+        Problem(f"--{name.replace('_', '-')}", message, remedy) for name, value in options.items() if value is not None
     ]
     if problems:
         raise ScenarioError(problems)

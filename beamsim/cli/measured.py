@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from beamsim.analyses.compare.result import ChannelComparison, Comparison
+from beamsim.analyses.compare.result import SHIFTED, ChannelComparison, Comparison, RecordPair, Shift
 from beamsim.analyses.compare_modes.analysis import ModeComparison
 from beamsim.analyses.identify.layouts import WITH, WITHOUT
 from beamsim.analyses.identify.result import IdentificationResult
-from beamsim.cli.screens import MOST_ROWS, MOST_SHOWN, Screen, limit_lines, round_with_unit
+from beamsim.cli.screens import MOST_ROWS, MOST_SHOWN, Screen, limit_lines, more_rows, round_with_unit
 from beamsim.labelled import Dataset
+from beamsim.measurements.signal import split_heading
 from beamsim.plots.style import amount, extent, percent, value_text
 from beamsim.results.values import parameter_label
 from beamsim.scenario.base import count_text
@@ -151,9 +152,44 @@ def comparison_screen(result: Comparison) -> Screen:
             if math.isfinite(p.predicted_hz):
                 rows[-1]["computed"] = f"{amount(p.predicted_level, each.unit, 3)} at {p.predicted_hz:.4g} Hz"
                 rows[-1]["difference"] = f"{p.difference_db:+.2f} dB, {100 * p.frequency_difference:+.2f} %"
+    of_pairs = [row for pair in result.pairs for row in _resonance_rows(pair)]
     more = len(result.channels) + len(result.sweeps) - len(rows)
     lines = [f"{count_text(more, 'more channel')} in the file"] if more else []
+    if result.pairs:
+        rows = [*of_pairs[:MOST_ROWS], *more_rows(len(of_pairs))]
+        rate = f"; {SWEPT}: part that the sweep rate explains" if any(SWEPT in str(row) for row in rows) else ""
+        lines = [f"±: what the resolution can explain; ({NOT_SIGNIFICANT}): explained by it{rate}"]
     return Screen("", rows, [*lines, *limit_lines(result)])
+
+
+NOT_SIGNIFICANT, SWEPT = "not significant", "sweep"
+
+
+def _resonance_rows(pair: RecordPair) -> Iterator[dict[str, str]]:
+    """A row for each resonance of a channel in two tests."""
+    names = split_heading(pair.channel)[0], split_heading(pair.channel_after)[0]
+    name = " / ".join(dict.fromkeys(names))
+    if not pair.resonances:
+        yield {"": name, "before": "no peak", "after": "no peak"}
+    for each in pair.resonances:
+        row = {"": name}
+        for side, f, level, damping in (("before", *each[:3]), ("after", *each[3:6])):
+            parts = [f"{f:.5g} Hz", amount(level, pair.unit, 3), f"damping {percent(damping, 3)}"]
+            known = parts[: 3 if math.isfinite(damping) else 2]
+            row[side] = ", ".join(known) if math.isfinite(f) else f"none within {percent(each.frequency.lowest, 3)}"
+        for quantity in SHIFTED:
+            shift = getattr(each, quantity)
+            row[quantity] = _shift_text(shift) if math.isfinite(shift.change) else ""
+        yield row
+
+
+def _shift_text(shift: Shift) -> str:
+    """A change with what resolution and sweep rate explain."""
+    if not math.isfinite(shift.resolution):
+        return f"{100 * shift.change:+.3g} %, not known how much of it the sweep explains"
+    swept = f", {SWEPT} {100 * shift.of_sweep:+.2g} %" if shift.of_sweep else ""
+    verdict = "" if shift.significant else f" ({NOT_SIGNIFICANT})"
+    return f"{100 * shift.change:+.3g} % ± {100 * shift.resolution:.2g} %{swept}{verdict}"
 
 
 def modes_screen(result: ModeComparison) -> Screen:

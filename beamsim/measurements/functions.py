@@ -139,6 +139,33 @@ def ratio_of(unit: str) -> tuple[str, str] | None:
     return None
 
 
+def si_unit(unit: str, denominator: str = "") -> tuple[float, str]:
+    """Size of a unit in SI units, and the SI unit, of any measured quantity, ratio or density.
+
+    >>> si_unit("g"), si_unit("mm/N"), si_unit("g", "N")
+    ((9.80665, 'm/s^2'), (0.001, 'm/N'), (9.80665, 'm/s^2/N'))
+
+    Parameters
+    ----------
+    unit : of the values, or of the numerator of a ratio; may be empty.
+    denominator : unit of the denominator, where it is stated apart.
+
+    Returns
+    -------
+    float and str
+        1 and the text itself if it is no unit of a measured quantity.
+    """
+    parts = (unit, denominator) if denominator else ratio_of(unit)
+    if parts is not None:
+        (above, numerator), (below, divisor) = (si_unit(part) for part in parts)
+        return above / below, "1" if numerator == divisor else f"{numerator}/{divisor}"
+    try:
+        size, dimension = units.read_level(f"1 {unit}", (*MEASURED, *_DENSITIES, *_SQUARES, *_RATIOS))
+    except units.UnitError:
+        return 1.0, unit
+    return (size, dimension.unit) if dimension is not None else (1.0, unit)
+
+
 def function_over_frequency(name: str, unit: str) -> FunctionType:
     """Function type of values over frequency, by the words of their name and by their unit.
 

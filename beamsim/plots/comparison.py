@@ -9,8 +9,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from beamsim.analyses.compare.result import Assurance, ChannelComparison, Comparison, RecordComparison, SweptComparison
+from beamsim.analyses.compare.result import (
+    Assurance,
+    ChannelComparison,
+    Comparison,
+    RecordComparison,
+    RecordPair,
+    SweptComparison,
+)
 from beamsim.analyses.compare_modes.analysis import ModeComparison
+from beamsim.measurements.signal import split_heading
 from beamsim.plots.drawing import (
     DARK,
     HERTZ,
@@ -23,7 +31,7 @@ from beamsim.plots.drawing import (
     finish,
     marks_curve,
 )
-from beamsim.plots.style import plain_scale
+from beamsim.plots.style import Scale, plain_scale
 from beamsim.typing import Floats
 
 HIGHEST_ORDER, DEEPEST_DB = 12.5, 100.0  # of spectra
@@ -81,6 +89,39 @@ def swept_responses(c: SweptComparison) -> Chart:
     return Chart((f"{c.curve}, FRAC {c.frac:.3f}, excitation frequency", HERTZ), (response, c.unit), curves, log="y")
 
 
+def resonance_shifts(pair: RecordPair) -> Chart:
+    """Responses of two tests over frequency, with their resonances and the changes of their frequencies."""
+    curves = [
+        Curve("before", *pair.before, {"color": DARK, "linestyle": "-", "linewidth": 1.0}),
+        Curve("after", *pair.after, {"color": RED, "linestyle": "-", "linewidth": 1.0}),
+    ]
+    marks = []
+    for side, colour, marker in (("before", DARK, "o"), ("after", RED, "s")):
+        at = [(getattr(each, f"{side}_hz"), getattr(each, f"{side}_level")) for each in pair.resonances]
+        known = [place for place in at if place[0] == place[0]]
+        if known:
+            marks.append(marks_curve(f"peaks {side}", known, color=colour, marker=marker, markerfacecolor="none"))
+    highest = max(float(np.max(y)) for _, y in (pair.before, pair.after))
+    return Chart(
+        ("Frequency", HERTZ), ("Amplitude", pair.unit), curves, log="y", marks=marks, y_ends=(None, 4.0 * highest),
+        draw_extra=partial(_write_shifts, pair),
+    )  # fmt: skip
+
+
+def _write_shifts(pair: RecordPair, ax: Axes, x_scale: Scale, y_scale: Scale) -> None:
+    """Write the change of every frequency above its peaks."""
+    for each in pair.resonances:
+        level = np.nanmax([each.before_level, each.after_level])
+        f = np.nanmean([each.before_hz, each.after_hz])
+        text = f"{100 * each.frequency.change:+.2g} %"
+        if not each.is_paired:
+            text = "appeared" if np.isnan(each.before_hz) else "vanished"
+        elif not each.frequency.significant:
+            text = f"({text})"
+        place = (f * x_scale.factor, level * y_scale.factor)
+        ax.annotate(text, place, (0, 9), textcoords="offset points", ha="center", fontsize="small")
+
+
 def plot_fdac(assurance: Assurance, ax: Axes) -> None:
     """FDAC over both frequencies, with the line of equal frequencies."""
     mesh = ax.pcolormesh(assurance.measured_hz, assurance.predicted_hz, assurance.fdac, cmap="cividis", vmin=0, vmax=1,
@@ -100,6 +141,10 @@ def comparison_figures(comparison: Comparison) -> dict[str, Picture]:
     for swept in comparison.sweeps:
         title = f"{comparison.title}: {swept.place}"
         figures[f"{swept.place}_{swept.quantity}"] = Picture(title, [swept_responses(swept)])
+    for pair in comparison.pairs:
+        name = split_heading(pair.channel)[0]
+        picture = Picture(f"{comparison.title}: {name}", [resonance_shifts(pair)], size=(8.0, 4.8))
+        figures[f"{name}_shifts"] = picture
     if (found := comparison.assurance) is not None:
         axes = ("Measured frequency", HERTZ), ("Predicted frequency", HERTZ), ("FDAC", "")
         panel = HeatMap(*axes, found.measured_hz, found.predicted_hz, found.fdac, partial(plot_fdac, found))

@@ -332,8 +332,7 @@ def _far_limits(result: Result) -> Iterator[str]:
     """A question for each limit so far above what it limits that one of the two may be in another unit."""
     for name, of in result.summary["margins"].items():
         value, limit = of["value"], of["limit"]
-        if 0.0 < LARGEST_MARGIN * value < limit:
-            unit = limit_unit(result.scenario, name)
+        if 0.0 < LARGEST_MARGIN * value < limit and (unit := limit_unit(result.scenario, name)) != "1":
             yield (
                 f"limits.{name} = {limit:.4g} {unit} is {limit / value:.3g} times the largest value, {value:.3g} "
                 f"{unit}; was another unit meant?"

@@ -268,10 +268,20 @@ VALUES = (
           "largest error of the energy balance, over the larger of stored energy and the integral of |power in|",
           "energy balance error"),
 )  # fmt: skip
+SHIFTS = (
+    Value("frequency_shift", "", "resonances", "", None, "1",
+          "change of the frequency of a resonance between two tests, less what the sweep rate explains",
+          limit="frequency_shift"),
+    Value("amplitude_shift", "", "resonances", "", None, "1", "change of its amplitude, likewise",
+          limit="amplitude_shift"),
+    Value("damping_shift", "", "resonances", "", None, "1", "change of its damping ratio, likewise",
+          limit="damping_shift"),
+)  # fmt: skip
+"""What is limited of test data before and after another test."""
 BY_NAME = {value.name: value for value in VALUES}
 BY_ENTRY = {value.entry: value for value in VALUES if value.entry}
 OUTPUT, RESPONSE = BY_ENTRY["peak_output"], BY_ENTRY["response_over_limit"]
-LIMITED = {value.limit: value for value in VALUES if value.limit}
+LIMITED = {value.limit: value for value in (*VALUES, *SHIFTS) if value.limit}
 
 
 MAIN_ENTRIES = frozenset(

@@ -21,6 +21,7 @@ from beamsim.scenario.excitation import (
 from beamsim.scenario.files import SHORT_FOR_FILE, CurveFile
 
 INPUT = "input"  # name of the excitation among the signals of spectra and statistics
+SHIFTS = ("frequency_shift", "amplitude_shift", "damping_shift")  # limits on resonances before and after
 SWEPT_KINDS = ("swept_sine", "stepped")  # sweeps that give a response over frequency
 
 
@@ -276,6 +277,13 @@ class Limits(Schema):
     """Root mean square of any probe's absolute acceleration, or by probe; over the same time as rms_displacement."""
     rms_force: ForceLimit | None = None
     """Root mean square of any snubber's force, or by snubber, in a run with a stationary input."""
+    frequency_shift: RatioLimit | None = None
+    """Largest shift of the frequency of any resonance in before_after, relative to the one before, or by channel; 5 %
+    by default."""
+    amplitude_shift: RatioLimit | None = None
+    """Largest change of the amplitude of any such resonance, or by channel; 20 % by default."""
+    damping_shift: RatioLimit | None = None
+    """Largest change of the damping of any such resonance, or by channel; no limit by default."""
     outputs: dict[q.Name, OutputLimit] | None = None
     """Largest magnitude of each output, by name: {clamp: 200 N, gauge: 0.1 %}; a plain number is in its SI unit."""
 
@@ -338,6 +346,17 @@ class Limits(Schema):
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
         """Problems: limits on quantities that this structure or analysis does not have."""
+        of_records = scenario.before_after is not None
+        given = [name for name in type(self).model_fields if getattr(self, name)]
+        unsuitable = [name for name in given if (name in SHIFTS) != of_records]
+        if unsuitable:
+            what, remedy = (
+                ("a motion, but test data are compared", f"give {', '.join(SHIFTS)}")
+                if of_records
+                else ("resonances before and after, which are in before_after", "leave it out")
+            )
+            yield from (problem((*path, name), f"limits {what}", remedy) for name in unsuitable)
+            return
         stationary = scenario.excitation.stationary
         if self.bending_stress is not None:
             yield from stress_problems(scenario, (*path, "bending_stress"))
@@ -360,7 +379,7 @@ class Limits(Schema):
         """Problems of unknown places."""
         for name in type(self).model_fields:
             of_place = getattr(self, name)
-            if of_place is None or name in ("outputs", *self.curves):
+            if of_place is None or name in ("outputs", *SHIFTS, *self.curves):
                 continue
             moment, both, ring = name.endswith("moment"), name == "gapping", name == "peak_ring_force"
             snubbers = moment or name.endswith(("force", "gap", "gapping"))

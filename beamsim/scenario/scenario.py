@@ -40,6 +40,7 @@ from beamsim.scenario.base import (
     walk,
 )
 from beamsim.scenario.beam import AnyBeam
+from beamsim.scenario.before_after import BeforeAfter
 from beamsim.scenario.body import NUMBERED, AtPlace, Body, LocatedItem, Probe
 from beamsim.scenario.chain import Chain
 from beamsim.scenario.connections import (
@@ -305,6 +306,9 @@ class Scenario(Schema):
     """A study: parameters that vary from case to case (`beamsim sweep`)."""
     optimise: Optimise | None = None
     """Search for the best design (`beamsim sweep`)."""
+    before_after: BeforeAfter | None = None
+    """Test data before and after another test, whose resonances are compared (`beamsim compare`); without a
+    structure."""
     limits: Limits | None = None
     """Limits, for margins in the summary and `--check`."""
     units: DisplayUnits | None = None
@@ -322,9 +326,9 @@ class Scenario(Schema):
         self.exclude("chain", "beam", remedy="keep one of the two (null removes an inherited one)")
         self.exclude("bodies", "beam", "chain", remedy="list it among the bodies")
         self.exclude("optimise", "vary")
+        self.exclude("before_after", "beam", "chain", "bodies", remedy="compare test data in a file of its own")
         if not (bodies := self.all_bodies):
-            remedy = "give beam:, chain: or bodies: (beamsim new writes a template)"
-            raise ScenarioError(problem((), "the scenario has no structure", remedy))
+            self._check_without_structure()
         found = [each for name, body in bodies.items() for each in body.problems(self, self.body_path(name))]
         left_out = _ANALYSES if found else set()
         for k, component in enumerate(self.gravity if isinstance(self.gravity, tuple) else ()):
@@ -342,6 +346,14 @@ class Scenario(Schema):
             found += self._outputs_called_as_probes()
         if found:
             raise ScenarioError(found)
+
+    def _check_without_structure(self) -> None:
+        """Refuse a scenario without a structure, unless it compares test data and has nothing else but limits."""
+        if self.before_after is None:
+            remedy = "give beam:, chain: or bodies: (beamsim new writes a template)"
+            raise ScenarioError(problem((), "the scenario has no structure", remedy))
+        others = set(self.keys()) - {"title", "before_after", "limits", "units"}
+        self.exclude("before_after", *sorted(others), remedy="compare test data in a file of its own")
 
     def _outputs_called_as_probes(self) -> Problems:
         """Problems of outputs with the name of a default probe: signals are named by place and quantity."""

@@ -141,8 +141,15 @@ def with_places_of_files(scenario: Scenario, name: str) -> Any:
 
 def bodies_of(scenario: Scenario) -> list[BodyStructure]:
     """The individual bodies, in the order of the scenario."""
+    if not scenario.all_bodies:
+        raise no_structure()
     couplings = couplings_of(scenario)
     return [_body(scenario, name, couplings) for name in scenario.all_bodies]
+
+
+def no_structure() -> ScenarioError:
+    """Error of what needs a structure, where the scenario compares test data and has none."""
+    return ScenarioError.at("before_after", "compares test data, without a structure", "use beamsim compare")
 
 
 def acting_places(scenario: Scenario) -> list[Place]:
@@ -309,6 +316,8 @@ def combine_structures(structures: Sequence[Structure]) -> Structure:
 
 def _blocks_of(structures: Sequence[Structure]) -> SeveralBodies:
     """Block matrices of several structures, scaled by the heaviest and stiffest of them."""
+    if not structures:
+        raise no_structure()
     mass_scale = max(part.mass_scale for part in structures)
     stiffness_scale = max(part.stiffness_scale for part in structures)
     mass_ratio = [part.mass_scale / mass_scale for part in structures]

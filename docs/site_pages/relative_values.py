@@ -60,6 +60,10 @@ RATIOS = {
     "FrictionCoefficients.static": "normal force",
     "FrictionBase.coefficient": "normal force",
     "HarmonicBalance.largest_error": "size of the motion",
+    "BeforeAfter.pairing": "lower of the two frequencies",
+    "Limits.frequency_shift": "frequency before",
+    "Limits.amplitude_shift": "amplitude before",
+    "Limits.damping_shift": "damping before",
     "Limits.gapping": "level of the sine at which the linear steady motion first changes contact",
     "IdentifyStiffness.tolerance": "measured frequency",
     "IdentifyStiffness.uncertainty": "measured frequency",
@@ -117,6 +121,14 @@ FACTORS = {
 DEFAULTS = {
     "Scenario.probes": "snubbers: one probe at each, on both places between which it acts; else a free end, "
     "a corner or the last mass; none on imported matrices",
+    "BeforeAfter.channels": "all that have the same name in both files",
+    "BeforeAfter.within": "all that both records have",
+    "ChannelPair.after": "name in the file before",
+    "RecordedSweep.begin": "where the record follows the sweep",
+    "TestRecord.decimal": "what the numbers of the file show",
+    "TestRecord.unit": "what the file states",
+    "TestRecord.axis_unit": "what the file states",
+    "TestRecord.reference": "none: amplitudes are those of the channel",
     "Scenario.reduction": "excitation and structure: modes up to 50 times the excitation frequency (10 times the "
     "highest of a random one), and at least up to 64 times a low natural frequency",
     "Scenario.units": "units in which most quantities of the file are written",

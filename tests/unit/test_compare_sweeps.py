@@ -226,7 +226,7 @@ def test_where_the_sweep_begins_is_found_without_the_excitation(swept):
     assert not channel.has_phase
     assert channel.frac > 0.99
     other = MeasuredSignal("second", 0.6 * time, response)  # a faster test
-    with pytest.raises(ScenarioError, match="compute the sweep with the rate"):
+    with pytest.raises(ScenarioError, match="use the rate and range"):
         compare_sweep(swept, [("second", "absolute_acceleration", other)])
 
 
@@ -239,7 +239,7 @@ def test_tracking_that_cannot_be_is_refused(swept):
         swept, datasets=swept.datasets | {"curves": swept["curves"].assign(kind=np.array(["stepped"], dtype=object))}
     )
     for result, pair, detector, tracking, words in (
-        (swept, history, None, Tracking(0.9, excitation), "does not follow the computed sweep"),
+        (swept, history, None, Tracking(0.9, excitation), "does not follow the sweep"),
         (swept, history, "peak", Tracking(0.3, cycles=3), "leave one of them out"),
         (swept, over_frequency, None, Tracking(cycles=3), "belong to time histories"),
         (stepped, history, None, None, "the sweep is stepped"),

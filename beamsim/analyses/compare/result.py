@@ -163,6 +163,125 @@ ASSURANCE = Layout(
     optional=True,
 )
 
+_PAIR = ("pair",)
+RECORD_PAIRS = Layout(
+    "record_pairs",
+    "Channels of two tests whose resonances are compared, a row for each.",
+    {
+        "pair": Variable(_PAIR, "1", "number of the pair of channels, from 0", int),
+        "channel": Variable(_PAIR, "", "channel of the test before", str),
+        "channel_after": Variable(_PAIR, "", "channel of the test after", str),
+        "unit": Variable(_PAIR, "", "unit of both", str),
+        "source": Variable(_PAIR, "", "file of the test before", str),
+        "source_after": Variable(_PAIR, "", "file of the test after", str),
+    },
+    optional=True,
+)
+
+
+def _pair_rows(name: str, dim: str, text: str, columns: Mapping[str, Variable]) -> Layout:
+    """Layout of a table with the rows of all pairs of channels, one after the other."""
+    own = {
+        dim: Variable((dim,), "1", ROW, int),
+        "pair": Variable((dim,), "1", "number of the pair of channels, from 0", int, names="record_pairs/pair"),
+    }
+    return Layout(name, text, {**own, **columns}, optional=True)
+
+
+SHIFTED = ("frequency", "amplitude", "damping")
+_RESONANCE = ("resonance",)
+RESONANCES = _pair_rows(
+    "resonances", "resonance",
+    "Resonances of two tests, a row for each; NaN in the test where one is missing.",
+    {
+        **{
+            f"{side}_{name}": Variable(_RESONANCE, unit, f"{text} in the test {side}")
+            for side in ("before", "after")
+            for name, unit, text in (
+                ("hz", "Hz", "frequency of the peak"),
+                ("level", "", "level of the peak, in the unit of the channel,"),
+                ("damping", "1", "damping ratio by the half-power band; NaN where that is not known,"),
+            )
+        },
+        **{
+            f"{name}_shift{ending}": Variable(_RESONANCE, "1", f"{text} {name}")
+            for name in SHIFTED
+            for ending, text in (
+                ("", "change relative to the test before: of the"),
+                ("_of_sweep", "part of the change that the sweep rate explains: of the"),
+                ("_resolution", "change that the resolution can explain: of the"),
+                ("_lowest", "smallest magnitude of the change less the part of the sweep: of the"),
+                ("_highest", "largest magnitude of the change less the part of the sweep: of the"),
+            )
+        },
+        **{
+            f"{name}_significant": Variable(
+                _RESONANCE, "1", f"whether sweep rate and resolution do not explain the change of the {name}", bool,
+                flags=("no", "yes"),
+            )
+            for name in SHIFTED
+        },
+    },
+)  # fmt: skip
+_LINE = ("line",)
+RECORD_CURVES = {
+    f"responses_{side}": _pair_rows(
+        f"responses_{side}", "line", f"Responses over frequency in the test {side}.",
+        {
+            "frequency_hz": Variable(_LINE, "Hz", "frequency"),
+            "amplitude": Variable(_LINE, "", "amplitude, in the unit of the channel"),
+        },
+    )
+    for side in ("before", "after")
+}  # fmt: skip
+
+
+class Shift(NamedTuple):
+    """Change of a value between two tests, relative to the one before."""
+
+    change: float
+    of_sweep: float  # part that the sweep rate explains
+    resolution: float  # change that the resolution can explain
+    lowest: float  # smallest magnitude of the change less the part of the sweep
+    highest: float  # largest such magnitude
+    significant: bool  # whether sweep rate and resolution do not explain it
+
+
+class ResonanceShift(NamedTuple):
+    """A resonance before and after a test, and how it changed; NaN where it is missing or not known.
+
+    Changes are relative to the test before.
+    """
+
+    before_hz: float
+    before_level: float
+    before_damping: float
+    after_hz: float
+    after_level: float
+    after_damping: float
+    frequency: Shift
+    amplitude: Shift
+    damping: Shift
+
+    @property
+    def is_paired(self) -> bool:
+        """Whether both tests have it."""
+        return self.before_hz == self.before_hz and self.after_hz == self.after_hz
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordPair:
+    """A channel before and after a test: responses over frequency, and resonances."""
+
+    channel: str
+    channel_after: str
+    unit: str
+    source: str
+    source_after: str
+    before: tuple[Floats, Floats]  # frequency, Hz, and amplitude
+    after: tuple[Floats, Floats]
+    resonances: tuple[ResonanceShift, ...] = ()
+
 
 @dataclass(frozen=True)
 class RecordComparison:
@@ -368,6 +487,52 @@ def sweep_datasets(channels: Sequence[SweptComparison], assurance: Assurance | N
     return datasets if assurance is None else datasets | {"assurance": ASSURANCE.dataset(assurance._asdict())}
 
 
+_OF_SHIFT = ("", "_of_sweep", "_resolution", "_lowest", "_highest")
+_OF_TESTS = ResonanceShift._fields[:6]
+
+
+def pair_datasets(pairs: Sequence[RecordPair]) -> dict[str, Dataset]:
+    """Datasets of a comparison of two tests."""
+    found = [resonance for pair in pairs for resonance in pair.resonances]
+    columns: dict[str, Any] = {name: [getattr(each, name) for each in found] for name in _OF_TESTS}
+    for name in SHIFTED:
+        shifts = [getattr(each, name) for each in found]
+        columns |= {f"{name}_shift{end}": [each[k] for each in shifts] for k, end in enumerate(_OF_SHIFT)}
+        columns[f"{name}_significant"] = [each.significant for each in shifts]
+    tables = [(RESONANCES, "resonance", [len(pair.resonances) for pair in pairs], columns)]
+    for side in ("before", "after"):
+        curves = [getattr(pair, side) for pair in pairs]
+        rows = {n: np.concatenate([curve[k] for curve in curves]) for k, n in enumerate(("frequency_hz", "amplitude"))}
+        tables.append((RECORD_CURVES[f"responses_{side}"], "line", [curve[0].size for curve in curves], rows))
+    datasets = {"record_pairs": RECORD_PAIRS.table(pairs, pair=np.arange(len(pairs)))}
+    for layout, dim, sizes, values in tables:
+        owner = np.repeat(np.arange(len(pairs)), np.array(sizes, dtype=np.int64))
+        datasets[layout.name] = layout.dataset({dim: 1 + np.arange(sum(sizes)), "pair": owner, **values})
+    return datasets
+
+
+def _pair_of(datasets: Mapping[str, Dataset], number: int) -> RecordPair:
+    """Channels of two tests, from their rows."""
+    about = datasets["record_pairs"].rows("pair", *[name for name in RECORD_PAIRS.variables if name != "pair"])[number]
+    of_pair = {
+        name: {key: array.values[table["pair"].values == number] for key, array in table.items()}
+        for name, table in datasets.items()
+        if name in ("resonances", *RECORD_CURVES)
+    }
+    rows = of_pair["resonances"]
+    resonances = []
+    for k in range(rows["before_hz"].size):
+        shifts: list[Any] = [
+            Shift._make(
+                [*(float(rows[f"{name}_shift{end}"][k]) for end in _OF_SHIFT), bool(rows[f"{name}_significant"][k])]
+            )
+            for name in SHIFTED
+        ]
+        resonances.append(ResonanceShift._make((*(float(rows[name][k]) for name in _OF_TESTS), *shifts)))
+    before, after = ((of_pair[name]["frequency_hz"], of_pair[name]["amplitude"]) for name in RECORD_CURVES)
+    return RecordPair(**about, before=before, after=after, resonances=tuple(resonances))
+
+
 def _rows_of(table: Dataset, number: int) -> dict[str, Floats]:
     """Columns of a table for one comparison."""
     own = table["comparison"].values == number
@@ -434,7 +599,7 @@ FDAC = record(dict.fromkeys(("mean", "lowest", "lowest_hz"), Number))
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Result):
-    """Result of `beamsim.compare`: each compared channel with its differences.
+    """Result of `beamsim.compare` and `beamsim.compare_tests`: each compared channel with its differences.
 
     Examples
     --------
@@ -453,6 +618,7 @@ class Comparison(Result):
     KIND = "compare"
     DATASETS = (
         CHANNELS, HARMONICS, *RECORDS.values(), RESPONSE_SPECTRA, SWEEPS, SWEEP_RESPONSES, SWEEP_PEAKS, ASSURANCE,
+        RECORD_PAIRS, RESONANCES, *RECORD_CURVES.values(),
     )  # fmt: skip
     SUMMARY = (
         Entry("comparisons", "", "by channel: place, quantity, delay, rms difference, and its harmonics one by one; of "
@@ -462,6 +628,9 @@ class Comparison(Result):
                  form=list[Plain]),
         Entry("fdac", "", "of two or more channels of a sweep, frequency domain assurance criterion at equal "
                  "frequencies: its mean, its lowest value and where that is", form=FDAC),
+        Entry("resonances", "", "of two tests, by channel and resonance: frequency, level and damping before and "
+              "after; of each its change, relative to the test before, the parts that sweep rate and resolution "
+              "explain, and whether it is significant", form=list[Plain]),
         MARGINS,
         *(entry for entry in CONVERGENCE if entry.name == "doubtful"),
     )  # fmt: skip
@@ -476,6 +645,12 @@ class Comparison(Result):
         """Channels that are compared with a sweep: complex responses over frequency, peaks, FRAC."""
         return tuple(_sweep_of(self.datasets, k) for k in self._numbers("sweeps"))
 
+    @cached_property
+    def pairs(self) -> tuple[RecordPair, ...]:
+        """Channels of two tests that are compared: responses over frequency and resonances."""
+        count = len(self["record_pairs"].labels("pair")) if "record_pairs" in self.datasets else 0
+        return tuple(_pair_of(self.datasets, k) for k in range(count))
+
     @property
     def assurance(self) -> Assurance | None:
         """Assurance criteria of two or more channels of a sweep over frequency; None of others."""
@@ -487,6 +662,8 @@ class Comparison(Result):
 
     def unit_of(self, entry: Entry, place: tuple[str, ...], keys: tuple[str, ...], record: Mapping[str, Any]) -> str:
         """That of values which the name does not say; see `Result.unit_of`."""
+        if entry.name == "resonances" and keys[-1].endswith("_level"):
+            return next(pair.unit for pair in self.pairs if pair.channel == record["channel"])
         compared: Sequence[ComparedChannel] = self.sweeps if entry.name == "sweeps" else self.channels
         if entry.name in ("comparisons", "sweeps") and keys[-1].startswith(("predicted", "measured")):
             return unit_in(keys[-1]) or ("1" if keys[-1].endswith("_q") else compared[int(place[0]) - 1].unit)

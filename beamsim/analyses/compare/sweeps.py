@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from beamsim.measurements.signal import MeasuredSignal
 from beamsim.scenario.quantities import amplitude_unit
 from beamsim.scenario.units import FORCE, MOMENT, PRESSURE
 from beamsim.signals.mac import modal_assurance
-from beamsim.signals.resonance_peaks import peaks_of
+from beamsim.signals.resonance_peaks import pair_peaks, peaks_of
 from beamsim.typing import TINY, Complexes, Floats, Ints, not_none
 
 Detector = Literal["peak", "fundamental", "rms"]
@@ -171,7 +172,7 @@ def _with_record_starts(
             for place, quantity, signal in histories
         ]
     begin = find_start(curve, records) if tracking.begin is None else tracking.begin
-    _check_start(curve, records, begin)
+    check_start(curve, records, begin)
     return replace(tracking, begin=begin)
 
 
@@ -293,26 +294,16 @@ def _assurance(channels: Sequence[SweptComparison]) -> Assurance | None:
     return Assurance(f[some], f[some], modal_assurance(predicted, measured))
 
 
-SAME_PEAK = 0.15  # relative frequency difference up to which two peaks can be paired
-
-
 def _peak_pairs(curve: SweepCurve, predicted: tuple[Floats, Floats], recorded: tuple[Floats, Floats]) -> list[PeakPair]:
-    """Pair the peaks of the measured response with computed ones: nearest pairs first, in the same order.
+    """Pair the peaks of the measured response with computed ones.
 
     Both responses were swept at the rate of the computed curve.
     """
     computed, measured = (peaks_of(*each, curve.rate_at(each[0])) for each in (predicted, recorded))
-    nearness = sorted(
-        (abs(np.log(c[0] / of[0])), i, j) for i, of in enumerate(measured) for j, c in enumerate(computed)
-    )
-    partner: dict[int, int] = {}
-    for distance, i, j in nearness:
-        in_order = all((i - other) * (j - of_other) > 0 for other, of_other in partner.items())
-        if distance <= SAME_PEAK and in_order:
-            partner[i] = j
+    partner = pair_peaks([peak.frequency_hz for peak in measured], [peak.frequency_hz for peak in computed])
     pairs = []
     nan = float("nan")
-    for i, (f, level, quality, _) in enumerate(measured):
+    for i, (f, level, quality, *_) in enumerate(measured):
         of = computed[partner[i]] if i in partner else (nan, nan, nan)
         pairs.append(PeakPair(f, of[0], level, of[1], quality, of[2]))
     return pairs
@@ -330,6 +321,54 @@ FEWEST_SAMPLES = 5.0  # samples per cycle of the highest frequency
 # largest relative frequency error of responses, whose phases turn at resonances; noise gives 0.25
 LARGEST_RESPONSE_ERROR = 0.1
 TRIAL_STEP = 0.15  # relative frequency step between trial starts
+
+
+class SweptCycles(Protocol):
+    """The cycles of a swept sine: a computed curve, or a sweep that a test was to follow."""
+
+    @property
+    def time(self) -> Floats:
+        """(C,) start time of the cycles, s."""
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """(C,) frequency of the cycles, Hz."""
+
+    @property
+    def direction(self) -> str:
+        """Up or down."""
+
+
+@dataclass(frozen=True)
+class StatedCycles:
+    """The cycles of a swept sine of which first and last frequency and rate are known."""
+
+    first_hz: float
+    last_hz: float
+    rate: float  # octaves per second of a logarithmic sweep, Hz/s of a linear one; positive
+    logarithmic: bool
+
+    @property
+    def direction(self) -> str:
+        """Up or down."""
+        return "up" if self.last_hz > self.first_hz else "down"
+
+    @cached_property
+    def time(self) -> Floats:
+        """(C,) start time of the cycles, s."""
+        rate = self.rate if self.direction == "up" else -self.rate
+        if self.logarithmic:
+            growth = rate * np.log(2.0)  # cycles up to t: first (e^(growth t) - 1) / growth
+            count = int((self.last_hz - self.first_hz) / growth)
+            return np.asarray(np.log1p(np.arange(count + 1) * growth / self.first_hz) / growth)
+        count = int((self.last_hz**2 - self.first_hz**2) / (2.0 * rate))
+        square = np.maximum(self.first_hz**2 + 2.0 * rate * np.arange(count + 1), 0.0)
+        return np.asarray((np.sqrt(square) - self.first_hz) / rate)
+
+    @cached_property
+    def frequency_hz(self) -> Floats:
+        """(C,) mean frequency of the cycles, Hz; of the last one where it begins."""
+        return np.append(1.0 / np.diff(self.time), self.last_hz)
 
 
 @dataclass(frozen=True)
@@ -355,7 +394,7 @@ class RecordCycles:
 LEAST_CORRECTION = 1e-6  # relative frequency error below which the start is not corrected
 
 
-def find_start(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
+def find_start(curve: SweptCycles, records: Sequence[ReferenceRecord]) -> float:
     """Time in the records at which a curve of the sweep begins, s: their frequency is then that of the sweep.
 
     The phase of the fundamental drifts from cycle to cycle by the relative frequency error. Phases of responses also
@@ -367,8 +406,8 @@ def find_start(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
     step = TRIAL_STEP * float(np.min(curve.frequency_hz / slope))
     latest = max(float(end - curve.time[-1] + curve.time[0]), float(start))
     trials = np.linspace(start, latest, int(np.clip(np.ceil((latest - start) / step) + 1, 1, 200)))
-    begin = min((float(b) for b in trials), key=lambda b: _frequency_error(curve, records, b))
-    for _ in range(20 if _frequency_error(curve, records, begin) < LARGEST_RESPONSE_ERROR + TRIAL_STEP else 0):
+    begin = min((float(b) for b in trials), key=lambda b: frequency_error(curve, records, b))
+    for _ in range(20 if frequency_error(curve, records, begin) < LARGEST_RESPONSE_ERROR + TRIAL_STEP else 0):
         moves = [_delay(curve, record, begin) for record in records]
         move = float(np.nanmedian(np.concatenate(moves)))
         begin -= move
@@ -380,7 +419,7 @@ def find_start(curve: SweepCurve, records: Sequence[ReferenceRecord]) -> float:
 LARGEST_EXCITATION_ERROR = 0.03  # largest median frequency error of an excitation that follows the sweep
 
 
-def _check_start(curve: SweepCurve, records: Sequence[ReferenceRecord], start_s: float) -> None:
+def check_start(curve: SweptCycles, records: Sequence[ReferenceRecord], start_s: float) -> None:
     """Refuse records that do not have the frequency of the sweep.
 
     Raises
@@ -388,18 +427,18 @@ def _check_start(curve: SweepCurve, records: Sequence[ReferenceRecord], start_s:
     ScenarioError
         With the relative frequency error.
     """
-    off = _frequency_error(curve, records, start_s)
+    off = frequency_error(curve, records, start_s)
     if off > (LARGEST_EXCITATION_ERROR if records[0].expected_fundamental is None else LARGEST_RESPONSE_ERROR):
         names = ", ".join(record.signal.name for record in records)
         raise measurement_error(
-            f"{records[0].signal.source or names}: {names} does not follow the computed sweep: from "
+            f"{records[0].signal.source or names}: {names} does not follow the sweep: from "
             f"{start_s:.4g} s of the record on its frequency is off by {100 * off:.2g} % in the median",
-            "compute the sweep with the rate and range of the test; or give its start in the record (--begin), "
+            "use the rate and range of the test; or give its start in the record (--begin), "
             "or which channel is the excitation (--reference)",
         )
 
 
-def track(curve: SweepCurve, signal: MeasuredSignal, start_s: float) -> RecordCycles:
+def track(curve: SweptCycles, signal: MeasuredSignal, start_s: float) -> RecordCycles:
     """Fundamental, peak and rms of each cycle within the record.
 
     Parameters
@@ -463,7 +502,7 @@ def moving_mean(values: Any, cycles: int) -> Any:
 REST_SHARE = 1e-4  # relative to the largest value of a record; smaller cycles have no usable phase
 
 
-def _drift(curve: SweepCurve, record: ReferenceRecord, start_s: float) -> tuple[Floats, Floats]:
+def _drift(curve: SweptCycles, record: ReferenceRecord, start_s: float) -> tuple[Floats, Floats]:
     """(C - 1,) frequencies of cycles, and relative frequency errors; nan for cycles at rest."""
     of = track(curve, record.signal, start_s)
     turned = of.fundamental[1:] * np.conj(of.fundamental[:-1])
@@ -475,13 +514,13 @@ def _drift(curve: SweepCurve, record: ReferenceRecord, start_s: float) -> tuple[
     return of.frequency_hz[1:], np.where(moves, forward * np.angle(turned) / (2 * np.pi), np.nan)
 
 
-def _frequency_error(curve: SweepCurve, records: Sequence[ReferenceRecord], start_s: float) -> float:
+def frequency_error(curve: SweptCycles, records: Sequence[ReferenceRecord], start_s: float) -> float:
     """Median magnitude of the relative frequency error, at most one half."""
     error = np.concatenate([_drift(curve, record, start_s)[1] for record in records])
     return float(np.median(np.nan_to_num(np.abs(error), nan=0.5)))
 
 
-def _delay(curve: SweepCurve, record: ReferenceRecord, start_s: float) -> Floats:
+def _delay(curve: SweptCycles, record: ReferenceRecord, start_s: float) -> Floats:
     """(C - 1,) time by which the record is ahead of the sweep, from the frequency of each cycle, s."""
     frequency, error = _drift(curve, record, start_s)
     rising = np.argsort(curve.frequency_hz, kind="stable")

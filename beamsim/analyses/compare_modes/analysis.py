@@ -33,7 +33,7 @@ from beamsim.scenario.body import AtPlace, Body
 from beamsim.scenario.files import DecimalMark
 from beamsim.scenario.run import Reduction
 from beamsim.signals.mac import modal_assurance
-from beamsim.structures.assembly import site_in
+from beamsim.structures.assembly import no_structure, site_in
 from beamsim.structures.modes import closed_modes
 from beamsim.summaries import Entry, Number, list_of, record
 from beamsim.system.build import build_system
@@ -327,6 +327,8 @@ def read_shapes(path: Path | str, scenario: Source, decimal: DecimalMark | None 
     >>> folder.cleanup()
     """
     path, scenario = Path(path), scenario_of(scenario)
+    if not scenario.all_bodies:
+        raise no_structure()
     try:
         suffix = ending_of(path)
         with reading(path, "mode shapes"):

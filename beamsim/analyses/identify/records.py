@@ -59,6 +59,7 @@ from beamsim.scenario.identification import NonlinearFit, SweepTest, TransientTe
 from beamsim.scenario.quantities import level_unit
 from beamsim.scenario.run import Run
 from beamsim.scenario.validation_errors import describe
+from beamsim.signals.noise import white_noise
 from beamsim.system.build import build_system
 from beamsim.system.reduced_model import SharedBuilds
 from beamsim.system.structural import StructuralSystem
@@ -230,7 +231,7 @@ class Transient(Test):
         values = np.asarray(signal.y, dtype=float)
         prepared = condition(record := replace(signal, x=time[part], y=values[part]), preparation)
         measured = prepared.y
-        scatter = float(np.sqrt(np.median(np.diff(values, 6) ** 2) / (0.4549 * 924)))  # median of chi^2, see above
+        scatter = white_noise(values)
         largest = float(np.ptp(measured))
         sigma = max(scatter, LEAST_NOISE * largest)
         if test.noise is not None:
