@@ -50,13 +50,14 @@ SETTINGS = Settings(tolerance=1e-11, most_points=600)  # of one curve, in each d
 ISOLA_SETTINGS = Settings(step=5e-3, largest_step=0.02, most_points=2000)  # a closed curve may be small
 CORNER = 1e-5  # relative frequency distance within which a fold coincides with a grazing
 SAME = 1e-6  # relative distance within which a special point lies on a known curve
+OF_STEP = 0.05  # error of an interpolated frequency, relative to the step
 AT_EDGE = 1e-9  # relative distance from an end of the range within which a curve begins there
 NOT_SYMMETRIC = 1e-6  # of `mirror_error`, above which a motion does not repeat with the opposite sign
 TOO_CLOSE = Outcome.of(
     OutcomeKind.STOPPED, "corner_too_close", "the special point is too close to a corner of the curve"
 )
 LARGEST_FREQUENCY_RATIO = 3.0  # ratio by which the frequency may leave its original range
-INTO_ISOLA = 0.05  # of the way back to the scenario's own value, at which an isola is followed
+INTO_ISOLA = 0.05  # of the way back to the extreme before, or to the start, at which an isola is followed
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class SpecialCurve:
     peak: Floats  # (np, probes) largest displacements in a period, m
     angle: Floats  # (np,) of the multipliers on the unit circle, rad
     events: tuple[tuple[str, float, float], ...] = ()  # kind, frequency in Hz, and second parameter in SI units
-    passes_hz: tuple[float, ...] = ()  # frequencies at the scenario's own value of the second parameter
+    passes_hz: tuple[tuple[float, float], ...] = ()  # frequencies at the scenario's own value, with their errors
 
 
 class _Start(NamedTuple):
@@ -117,7 +118,7 @@ def follow_special_points(
         touching = model.system.contact_names[start.point.contact] if start.point.contact >= 0 else ""
         known = [curve for curve in curves if curve.touching == touching and (touching or curve.kind == start.kind)]
         hz = start.point.parameter / (2 * np.pi)
-        if budget.exhaustion() or any(abs(at - hz) <= SAME * hz for curve in known for at in curve.passes_hz):
+        if budget.exhaustion() or any(abs(at - hz) <= off for curve in known for at, off in curve.passes_hz):
             continue
         curves += _curves(model, start, (level, present), budget)
     return curves
@@ -187,15 +188,21 @@ def _value_in_scenario(model: ResponseModel, level: float) -> float:
     return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
-def _passed_at(half: OrbitBranch, value: float) -> Iterator[float]:
-    """Frequencies, Hz, at which one direction of a curve passes a value of the second parameter's unknown."""
+def _passed_at(half: OrbitBranch, value: float) -> Iterator[tuple[float, float]]:
+    """Frequencies, Hz, at which one direction of a curve passes a value of the second parameter, with their errors."""
     for a, b in pairwise(half.points):
-        passed: BranchPoint | None = a if a.parameter == value else None
-        if (a.parameter - value) * (b.parameter - value) < 0.0:
+        low, high = (float(point.u[-2]) / (2 * np.pi) for point in (a, b))
+        if a.parameter == value:
+            yield low, SAME * low
+        elif (a.parameter - value) * (b.parameter - value) < 0.0:
+            exact = None
             with suppress(ArithmeticError, np.linalg.LinAlgError):
-                passed = BranchStep(half.problem, a, b, SETTINGS).at_parameter(value)
-        if passed is not None:
-            yield float(passed.u[-2]) / (2 * np.pi)
+                exact = BranchStep(half.problem, a, b, SETTINGS).at_parameter(value)
+            if exact is not None:
+                yield float(exact.u[-2]) / (2 * np.pi), SAME * low
+            else:
+                share = (value - a.parameter) / (b.parameter - a.parameter)
+                yield low + share * (high - low), SAME * low + OF_STEP * abs(high - low)
 
 
 def _curves(
@@ -223,14 +230,14 @@ def _curves(
         (event.kind, float(event.point.u[-2]) / (2 * np.pi), float(second.from_unknown(event.point.parameter)))
         for event in events
     ]
-    passes = tuple(at for half, _ in halves for at in _passed_at(half, second.to_unknown(present)))
+    passes = tuple(place for half, _ in halves for place in _passed_at(half, second.to_unknown(present)))
     yield replace(curve, events=tuple(places), passes_hz=passes)
     if not model.settings.follow_isolas:
         return
     for half, of_half in halves:
         for event in of_half:
             if event.kind == "isola" and not budget.exhaustion():
-                yield from _isola(model, start, half, event, curve.level, budget)
+                yield from _isola(model, start, (half, event), curve.level, budget)
 
 
 def _measured(
@@ -374,26 +381,27 @@ def _with_events(half: OrbitBranch) -> tuple[OrbitBranch, list[CurveEvent]]:
 
 
 def _isola(
-    model: ResponseModel, start: _Start, half: OrbitBranch, event: CurveEvent, level: float, budget: Budget
+    model: ResponseModel, start: _Start, extreme: tuple[OrbitBranch, CurveEvent], level: float, budget: Budget
 ) -> Iterator[SpecialCurve]:
     """The closed curve of motions next to the extreme at which it begins.
 
     Parameters
     ----------
     model, start, budget : see `follow_special_points`.
-    half : one direction of the curve of folds, from the scenario's own value of the second parameter.
-    event : the extreme on it.
+    extreme : one direction of the curve of folds, and the extreme on it; the isola is followed at a value on the way
+        back to the extreme before, or to where the curve starts.
     level : of the excitation; NaN if it is the second parameter.
     """
-    born, own = event.point.parameter, half.points[0].parameter
-    value, omega = born + INTO_ISOLA * (own - born), start.point.parameter
+    half, event = extreme
+    number = next(k for k, point in enumerate(half.points) if point is event.point)
+    turns = [k for k in range(1, number) if half.points[k].tangent[-1] * half.points[k - 1].tangent[-1] < 0.0]
+    before, born = half.points[max(turns, default=0)].parameter, event.point.parameter
+    value, omega = born + INTO_ISOLA * (before - born), start.point.parameter
     fold = None
-    for a, b in pairwise(half.points):
+    for a, b in pairwise(half.points[: number + 1]):
         if (a.parameter - value) * (b.parameter - value) <= 0.0 and a.parameter != b.parameter:
             with suppress(ArithmeticError, np.linalg.LinAlgError):
                 fold = BranchStep(half.problem, a, b, SETTINGS).at_parameter(value)
-        if b is event.point:
-            break
     if fold is None:
         return
     problem = ForcedOrbits(half.problem.flow_at(fold.u)[0], multiple=start.orbits.multiple)
