@@ -69,7 +69,8 @@ def _special_curve_lines(result: ContinuationResult) -> Iterator[str]:
         for event in curve["events"]
     ]
     if events:
-        yield from textwrap.wrap(f"on these curves: {first_of(events, MOST_ROWS)}", WIDTH)
+        more = f"; {len(events) - MOST_ROWS} more" if len(events) > MOST_ROWS else ""
+        yield from textwrap.wrap(f"on these curves: {'; '.join(events[:MOST_ROWS])}{more}", WIDTH)
 
 
 def _orders_text(orders: Sequence[float | None]) -> str:
