@@ -188,7 +188,14 @@ def signals_by_group(arrays: Sequence[tuple[tuple[str, str], Array]], path: Path
     ----------
     arrays : in the order of the file, each with its group and name.
     path : of the file.
+
+    Raises
+    ------
+    InputFileError
+        If there is none.
     """
+    if not arrays:
+        raise InputFileError("has no channel of numbers", "export the channels that were measured")
     several = Counter(name for (_, name), _ in arrays)
     labels: dict[str, str] = {}
     by_place: dict[str, Array] = {}

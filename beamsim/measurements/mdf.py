@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from beamsim.errors import InputFileError
-from beamsim.files import demand_memory, read_input
+from beamsim.files import demand_memory, open_input, read_input
 from beamsim.hdf5 import run_apart
 from beamsim.measurements.arrays import Array, Axis
 from beamsim.measurements.laboratory import demand_library, signals_by_group
@@ -26,6 +26,7 @@ from beamsim.measurements.signal import MeasuredSignal, label_unit
 
 _BYTES_OF_SAMPLE = 60  # of memory: as stored, as numbers of both processes, and its time
 _ALONG_TIME = 1  # how MDF numbers the kinds of its masters; the others are angles, distances and indices
+_BEGINS = (b"MDF     ", b"UnFinMF ")
 _CONVERT = "import sys; from beamsim.measurements.mdf import convert; convert(*sys.argv[1:])"
 
 
@@ -39,6 +40,9 @@ def read_mdf(path: Path) -> list[MeasuredSignal]:
     InputFileError
         If asammdf is not installed, or the file is damaged or ends too early.
     """
+    with open_input(path) as file:
+        if file.read(8) not in _BEGINS:
+            raise InputFileError("does not begin as an MDF file", "export it again; a table of numbers as .txt")
     demand_library("asammdf", "an MDF file", "asammdf")
     with TemporaryDirectory(prefix="beamsim") as folder:
         target = Path(folder) / "channels.npz"

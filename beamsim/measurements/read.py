@@ -32,7 +32,7 @@ ENDINGS_OF_RECORDS = {*TEXT, *_BY_ENDING} - {*HDF5}
 
 
 def ending_of(path: Path) -> str:
-    """The ending of a file, in small letters.
+    """The ending of a file, in small letters; ``.mdf`` of an MDF file of version 3 with the ending of a text table.
 
     Raises
     ------
@@ -40,9 +40,11 @@ def ending_of(path: Path) -> str:
         If the file is missing, no regular file, or empty.
     """
     with open_input(path) as file:
-        if not file.read(1):
-            raise InputFileError("is empty", "export the measurement again")
-    return path.suffix.lower()
+        begin = file.read(8)
+    if not begin:
+        raise InputFileError("is empty", "export the measurement again")
+    ending = path.suffix.lower()
+    return ".mdf" if ending == ".dat" and begin == b"MDF     " else ending
 
 
 def read_file(path: Path, decimal: DecimalMark | None = None) -> list[MeasuredSignal]:

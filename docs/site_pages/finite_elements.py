@@ -167,6 +167,7 @@ CASES = (
     ("Frequencies of a cantilever", beam, SHEAR),
     ("Frequencies of a plate", plate, ""),
     ("Frequencies of a portal frame", frame, ""),
+    ("A cantilever that meets a stop", beam_on_a_stop, ""),
 )
 
 

@@ -151,9 +151,10 @@ def test_mdf_has_conversions_invalid_samples_rates_and_masters(tmp_path):
         channel_named(signals, "force", "", path, required=True)
 
 
-def test_mdf_3_is_read_too(tmp_path):
-    path = tmp_path / "a.mdf"
-    write_mdf(path, ("bench", [asammdf.Signal(ACCELERATION, TIME, "g", "acc")]), version="3.30")
+def test_mdf_3_is_read_too_with_its_usual_ending(tmp_path):
+    path = tmp_path / "a.dat"
+    write_mdf(tmp_path / "a.mdf", ("bench", [asammdf.Signal(ACCELERATION, TIME, "g", "acc")]), version="3.30")
+    (tmp_path / "a.mdf").rename(path)
     (signal,) = read_signals(path)
     np.testing.assert_allclose(signal.y, ACCELERATION)
     np.testing.assert_allclose(signal.x, TIME)
@@ -316,3 +317,22 @@ def test_info_of_a_record_that_cannot_be_read_names_it(tmp_path):
     done = invoke("info", path)
     assert done.exit_code == 2
     assert f"{path} does not begin with LabVIEW Measurement" in done.output
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.mf4", "does not begin as an MDF file"),
+        ("a.tdms", "cannot be read as TDMS"),
+        ("a.lvm", "does not begin with LabVIEW Measurement"),
+        ("text.tdms", "has no channel of numbers"),
+    ],
+)
+def test_what_is_no_such_file_is_refused(name, message, tmp_path):
+    path = tmp_path / name
+    path.write_text("time (s),acc (g)\n0,1\n1,2\n")
+    if name.startswith("text"):
+        write_tdms(path, ("bench", "note", np.array(["a", "b"]), {}))
+    with pytest.raises(ScenarioError, match=message) as caught:
+        read_signals(path)
+    assert "export" in str(caught.value)
