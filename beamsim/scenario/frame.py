@@ -724,7 +724,7 @@ class FrameBody(Body):
 
     @property
     def link_groups(self) -> list[tuple[str, ...]]:
-        """Rigid groups of nodes, those that share a node together; a supported node first."""
+        """Rigid groups of nodes, those that share a node together; a node that is fixed first."""
         groups: list[set[str]] = []
         for link in self.rigid_links:
             joined = set(link.nodes)
@@ -732,7 +732,8 @@ class FrameBody(Body):
                 joined |= group
                 groups.remove(group)
             groups.append(joined)
-        order = {name: (name not in self.supports, k) for k, name in enumerate(self.nodes)}
+        fixed = {name for name, support in self.supports.items() if support_of(support).fixed}
+        order = {name: (name not in fixed, k) for k, name in enumerate(self.nodes)}
         return [tuple(sorted(group, key=lambda name: order.get(name, (True, 0)))) for group in groups]
 
     def _link_problems(self, path: Path) -> Problems:

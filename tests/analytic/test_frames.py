@@ -496,3 +496,64 @@ def test_the_example_of_the_page_is_valid():
     page = (Path(__file__).parents[2] / "docs" / "frames.md").read_text(encoding="utf-8")
     example = yaml.safe_load(re.search(r"```yaml\n(title.*?)```", page, re.S).group(1))
     assert assemble(scenario_of(example)).size > 60
+
+
+def test_a_rigid_group_follows_the_node_that_is_fixed():
+    """The node with a spring is written first; the fixed one leads."""
+    scenario = frame(
+        {"a": [0, 0, 0], "b": [0.2, 0, 0], "tip": [1.2, 0, 0]}, {"m": {"nodes": ["b", "tip"]}},
+        {"a": {"stiffness": {"ry": 5e3}}, "b": {"fixed": ["x", "y", "z", "rx", "rz"]}},
+        rigid_links=[{"nodes": ["a", "b"]}],
+    )  # fmt: skip
+    assert_allclose(compliance(scenario, ("tip", "z"))[0, 0], 1 / (3 * E * IY) + 1 / 5e3, rtol=1e-9)
+
+
+def test_frequencies_of_a_free_ring_of_four_arcs():
+    """In and out of its plane, without extension: ω² = n² (n² - 1)² / (n² + 1 + c) E I / (ρ A R⁴), c = 0 or ν."""
+    radius, count = 2.0, 8
+    section = {
+        "section": {"kind": "circle", "diameter": 0.02},
+        "youngs_modulus": E,
+        "poissons_ratio": NU,
+        "density": RHO,
+    }
+    nodes = {"e": [radius, 0, 0], "n": [0, radius, 0], "w": [-radius, 0, 0], "s": [0, -radius, 0]}
+    around = ("e", "n", "w", "s", "e")
+    arcs = {f"a{k}": {"nodes": around[k : k + 2], "arc": {"centre": [0, 0, 0]}} for k in range(4)}
+    data = case_of(nodes, arcs, {}, {"s": section}, elements=count)
+    data |= {"outputs": [], "probes": [{"name": "e", "at": {"node": "e"}}]}
+    model = assemble(scenario_of(data))
+    assert model.rigid.shape[1] == 6
+    found = natural_modes(model, 14).omega[6:14] * model.frequency_scale
+    unit = np.sqrt(E * np.pi * 0.01**4 / 4 / (RHO * np.pi * 0.01**2 * radius**4))
+    expected = [unit * n * (n * n - 1) / np.sqrt(n * n + 1 + c) for n in (2, 3) for c in (NU, 0.0) for _ in range(2)]
+    assert_allclose(found, expected, rtol=3e-4)
+
+
+def test_a_moved_support_moves_a_frame_as_a_beam():
+    """The reaction and the motion under a harmonic motion of one support, quasi-static and resonant."""
+    excitation = {"kind": "harmonic", "applied_to": {"support": "right", "direction": "z"}, "level": "5 m/s^2",
+                  "frequency": 30}  # fmt: skip
+    common = {"excitation": excitation, "run": {"duration": 0.2, "sample_rate": 2000, "convergence": "off"}}
+    beam = common | {
+        "beam": {"length": 0.9, "width": 0.03, "thickness": 0.004, "youngs_modulus": 7e10, "density": 2700,
+                 "elements": 8, "supports": {"left": "clamped", "right": "pinned"},
+                 "damping": {"kind": "rayleigh", "stiffness": 1e-4}},
+        "probes": [{"name": "middle", "position": 0.45}], "reduction": {"modes": "all"},
+        "outputs": [{"name": "left", "kind": "reaction_force", "support": "left"}],
+    }  # fmt: skip
+    same = common | {
+        "bodies": {"frame": {
+            "kind": "frame", "nodes": {"left": [0, 0, 0], "right": [0.9, 0, 0]}, "elements": 8,
+            "sections": {"s": {"section": {"kind": "rectangle", "width": 0.03, "thickness": 0.004},
+                               "youngs_modulus": 7e10, "density": 2700}},
+            "members": {"m": {"nodes": ["left", "right"]}},
+            "supports": {"left": "clamped", "right": {"fixed": ["x", "y", "z", "rx"]}},
+            "damping": {"kind": "rayleigh", "stiffness": 1e-4}}},
+        "probes": [{"name": "middle", "at": {"member": "m", "position": "50 %"}}], "reduction": {"modes": "all"},
+        "outputs": [{"name": "left", "kind": "reaction_force", "support": "left"}],
+    }  # fmt: skip
+    first, second = (beamsim.run(scenario_of(data))["histories"] for data in (beam, same))
+    for name in ("displacement", "output_value"):
+        values = first[name].values
+        assert_allclose(second[name].values, values, atol=1e-7 * np.abs(values).max())
