@@ -113,6 +113,12 @@ def ring_table(sides: int, largest: float) -> RingTable:
     return RingTable(sides, largest, tuple(knots.tolist()), tuple(slopes.tolist()))
 
 
+def acting_sides(sides: int, largest: float) -> float:
+    """Number of sides that act at half of the largest penetration, given over the clearance."""
+    early = EARLY * (1.0 - np.cos(np.pi / sides))
+    return max(float(np.sqrt(2.0 * (0.5 * largest + early)) * sides / np.pi), 1.0)
+
+
 @lru_cache(maxsize=256)
 def _errors(table: RingTable) -> RingErrors:
     """See `RingTable.errors`."""

@@ -37,7 +37,7 @@ from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.scenario.body import LocatedItem
 from beamsim.scenario.connections import HingeElement
-from beamsim.scenario.rings import RingPart
+from beamsim.scenario.rings import RING, RingPart
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of
 from beamsim.typing import Floats, Ints
@@ -166,18 +166,28 @@ def _law_of_friction(contact: Any) -> ContactLaw:
 
 
 def _law_of_ring(part: RingPart) -> ContactLaw:
-    from beamsim.contacts.rings import side_law
+    from beamsim.contacts.rings import acting_sides, side_law
 
     ring = part.ring
+    if part.kind != RING and ring.friction is not None:
+        friction, depth = ring.friction, ring.largest_penetration
+        active = acting_sides(ring.sides, depth / part.curvature_radius)
+        return pressed_friction_law(
+            friction.stiffness / active, friction.coefficients.static, friction.coefficients.sliding
+        )
     return side_law(ring.sides, part.curvature_radius, ring.largest_penetration, ring.stiffness, ring.dashpot)
 
 
 def pressed_by(springs: Sequence[LocatedItem], snubbers: Sequence[str]) -> Ints | None:
     """(m,) of all contacts, snubbers first, the one that presses each, -1 where there is none; None without any."""
-    names = [getattr(spring, "pressed_by", None) for _, _, spring, _ in springs if spring.kind != "cubic"]
-    if not any(names):
+    items = [spring for _, _, spring, _ in springs if spring.kind != "cubic"]
+    names = [getattr(spring, "pressed_by", None) for spring in items]
+    sides = [getattr(spring, "sides_before", 0) for spring in items]
+    if not any(names) and not any(sides):
         return None
     pressing = [-1] * len(snubbers) + [-1 if name is None else list(snubbers).index(name) for name in names]
+    for j, before in enumerate(sides, start=len(snubbers)):
+        pressing[j] = j - before if before else pressing[j]
     return np.array(pressing, dtype=np.int64)
 
 

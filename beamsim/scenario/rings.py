@@ -10,18 +10,56 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from beamsim.scenario import quantities as q
-from beamsim.scenario.base import BY_FORM, TWO_ITEMS, InvalidValueError, Path, Problems, Whole, path_text, problem
+from beamsim.scenario.base import (
+    BY_FORM,
+    TWO_ITEMS,
+    InvalidValueError,
+    Path,
+    Problems,
+    Schema,
+    Whole,
+    path_text,
+    problem,
+)
 from beamsim.scenario.body import AtPlace, Named, PlacedItem
-from beamsim.scenario.connections import LinkSnubber, Snubber, SnubberViscousDamping
+from beamsim.scenario.connections import (
+    FrictionCoefficients,
+    LinkSnubber,
+    Snubber,
+    SnubberViscousDamping,
+    WearRate,
+)
 
-RING, RING_FRICTION = "ring", "ring_friction"  # kinds of the contacts of a ring
-PLANES = {"x": ("y", "z"), "y": ("z", "x"), "z": ("x", "y")}
+RING, TANGENT, AXIAL = "ring", "ring_tangent", "ring_axial"
+"""Kinds of the contacts of a ring: its sides, and the friction at them along the wall and along the axis."""
+PLANES: dict[str, tuple[Any, Any]] = {
+    "x": ("y", "z"), "y": ("z", "x"), "z": ("x", "y"),
+    "local_x": ("local_y", "local_z"), "local_y": ("local_z", "local_x"), "local_z": ("local_x", "local_y"),
+}  # fmt: skip
 """By axis of a ring the directions of its plane."""
 DEFAULT_PENETRATION = 0.05  # largest penetration over the clearance
 SIDES_BY_DEPTH = 10.7  # default number of sides times the square root of penetration over clearance
 
 SemiAxes = tuple[q.Length, q.Length]
 TwoOffsets = tuple[q.Gap, q.Gap]
+
+
+class RingFriction(Schema):
+    """Dry friction between the structure and the wall of a ring."""
+
+    coefficient: Annotated[q.PositiveNumber | FrictionCoefficients, BY_FORM]
+    """Coefficient of friction: one number, or {static: 0.3, sliding: 0.2}."""
+    stiffness: q.Stiffness
+    """Tangential stiffness while the structure sticks to the wall."""
+    along_axis: bool = False
+    """If true, friction also acts along the axis of the ring, at a node that moves there. It has a limit of its own:
+    both together may be larger than one friction circle, by up to a factor of 1.41."""
+
+    @property
+    def coefficients(self) -> FrictionCoefficients:
+        """The coefficients in their long form."""
+        given = self.coefficient
+        return given if isinstance(given, FrictionCoefficients) else FrictionCoefficients(static=given, sliding=given)
 
 
 class RingStop(PlacedItem, Named):
@@ -34,8 +72,9 @@ class RingStop(PlacedItem, Named):
 
     kind: Literal["ring"]
     """ring: a clearance in the plane of two directions."""
-    axis: Literal["x", "y", "z"] = "x"
-    """Axis of the ring at a node: it acts in the plane of the other two directions, y and z for x."""
+    axis: Literal["x", "y", "z", "local_x", "local_y", "local_z"] = "x"
+    """Axis of the ring at a node or member: it acts in the plane of the other two directions, y and z for x. local_x is
+    the axis of a member of a frame."""
     along: Annotated[tuple[AtPlace, ...], TWO_ITEMS] | None = None
     """Two places with perpendicular directions of motion, instead of a node and an axis: [{row: tip_y}, {row:
     tip_z}]."""
@@ -45,6 +84,10 @@ class RingStop(PlacedItem, Named):
     """Radial stiffness in contact."""
     damping: SnubberViscousDamping | None = None
     """Dashpot in the direction of the radial force; none by default."""
+    friction: RingFriction | None = None
+    """Dry friction along the wall; none by default."""
+    wear_rate: WearRate | None = None
+    """Worn volume per normal force and sliding distance (Archard); no wear is computed by default."""
     offset: TwoOffsets = (0.0, 0.0)
     """Centre of the ring, along both directions, relative to the point of the undeformed structure: [0 mm, 0.4 mm]
     for a tube that rests on its support. Zero by default."""
@@ -63,7 +106,7 @@ class RingStop(PlacedItem, Named):
             super().check()
             self._check_point()
         else:
-            for key in ("at", "node", "position", "mass", "row", "direction"):
+            for key in ("at", "node", "member", "position", "mass", "row", "direction"):
                 self.exclude(key, "along", remedy="keep along: it names both places")
             if self.along[0] == self.along[1]:
                 raise InvalidValueError("names one place twice", "name two directions of motion", ("along",))
@@ -72,6 +115,8 @@ class RingStop(PlacedItem, Named):
                     raise InvalidValueError(
                         f"= {place.direction} is a rotation", "name displacements", ("along", index, "direction")
                     )
+        if self.friction is not None:
+            self._check_friction(self.friction)
         if self.sides_ is not None and self.sides_ % 4:
             near = 4 * round(self.sides_ / 4)
             raise InvalidValueError(f"= {self.sides_} is no multiple of 4", f"give sides: {near}", ("sides",))
@@ -81,9 +126,24 @@ class RingStop(PlacedItem, Named):
                 "raise the stiffness, or use two pairs of stops, side: both", ("largest_penetration",),
             )  # fmt: skip
 
+    def _check_friction(self, friction: RingFriction) -> None:
+        if self.dashpot:
+            raise InvalidValueError(
+                "does not go with damping: where sliding ends depends on the rate of the normal force, and that of a "
+                "dashpot on accelerations",
+                "leave one of the two out", ("friction",),
+            )  # fmt: skip
+        if friction.along_axis and self.along is not None:
+            raise InvalidValueError(
+                "needs a node that moves along the axis", "give node: 5 and axis: x", ("friction", "along_axis")
+            )
+        if friction.coefficients.stribeck_speed is not None:
+            remedy = "leave it out: the coefficient then falls at once"
+            raise InvalidValueError("does not go with a ring", remedy, ("friction", "coefficient", "stribeck_speed"))
+
     def _check_point(self) -> None:
         place = self.place
-        if place.node is None:
+        if place.node is None and place.member is None:
             raise InvalidValueError(
                 "needs a point that moves in two directions", "give node: 5 and axis: x, or along: [place, place]"
             )
@@ -135,8 +195,11 @@ class RingStop(PlacedItem, Named):
 
     @property
     def parts(self) -> tuple[RingPart, ...]:
-        """Its sides, as contacts."""
-        return tuple(RingPart(self, RING, number) for number in range(self.sides))
+        """Its sides, then the friction along the wall at each of them, then that along the axis."""
+        kinds = [RING]
+        if self.friction is not None:
+            kinds += [TANGENT, AXIAL] if self.friction.along_axis else [TANGENT]
+        return tuple(RingPart(self, kind, number) for kind in kinds for number in range(self.sides))
 
     def problems(self, scenario: Whole, path: Path) -> Problems:
         """Problems: cubic springs, whose motion is not computed with rings."""
@@ -164,7 +227,7 @@ class RingPart:
     """A side of a ring, or the friction at it."""
 
     ring: RingStop
-    kind: str  # RING or RING_FRICTION
+    kind: str  # RING, TANGENT or AXIAL
     number: int  # of the side
 
     @property
@@ -174,8 +237,15 @@ class RingPart:
 
     @property
     def places(self) -> tuple[AtPlace, ...]:
-        """The two places of the ring."""
+        """The two places of the ring; of friction along the axis the place in that direction."""
+        if self.kind == AXIAL:
+            return (self.ring.place.model_copy(update={"direction": self.ring.axis}),)
         return self.ring.places
+
+    @property
+    def sides_before(self) -> int:
+        """How many contacts before it is the side that presses it; 0 of a side."""
+        return {RING: 0, TANGENT: 1, AXIAL: 2}[self.kind] * self.ring.sides
 
     @property
     def mounted_on(self) -> str:
@@ -189,12 +259,15 @@ class RingPart:
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Direction cosines of the motion along the normal of the side."""
-        return math.cos(self.angle), math.sin(self.angle)
+        """Direction cosines of the motion along the normal of the side, or of the friction along the wall."""
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        return (c, s) if self.kind == RING else (-s, c)
 
     @property
     def distance(self) -> float:
-        """Distance of the side from the undeformed structure, m."""
+        """Distance of the side from the undeformed structure, m; 0 of friction."""
+        if self.kind != RING:
+            return 0.0
         (a, b), (c, s), (x, y) = self.ring.semi_axes, self.factors, self.ring.offset
         return math.hypot(a * c, b * s) + c * x + s * y
 

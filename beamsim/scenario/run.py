@@ -455,7 +455,7 @@ class Run(Schema):
 
     def _problems_of_counting(self, scenario: Whole, path: Path) -> Problems:
         """Problems of a start of counting without anything to count, or after the end."""
-        counts_none = self.impacts is None and not scenario.friction
+        counts_none = self.impacts is None and not scenario.friction and not scenario.rings
         if self.method == "reference" or scenario.has_cubic_springs or counts_none:
             message = f"= {self.from_:g} s is the time from which impacts and sliding count, and this run counts none"
             yield problem(path, message, "leave it out, or add impacts: {}")

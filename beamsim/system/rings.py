@@ -11,12 +11,13 @@ import numpy as np
 
 from beamsim.contacts.rings import RingErrors, ring_table
 from beamsim.contacts.snubbers import SpringInfo
-from beamsim.scenario.rings import RING, RingStop
+from beamsim.scenario.rings import AXIAL, RING, TANGENT, RingStop
 from beamsim.system.equations import Channel, ChannelSet, Sizes
 from beamsim.system.reduced_model import ReducedModel
 from beamsim.typing import Floats, Ints
 
 POSITION, FORCE, RADIAL_FORCE, PENETRATION = "position", "force", "radial_force", "penetration"
+FRICTION_FORCE = "friction_force"
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class RingInfo:
     sides: Ints  # (N,) its contacts
     shapes: Floats  # (N, n) motion along the normals for a unit of each coordinate, 1/sqrt(kg)
     base_influence: Floats  # (N, K) of each displacement of the base on these
+    tangents: Ints  # (N,) contacts of the friction along the wall; (0,) without friction
+    axials: Ints  # (N,) contacts of the friction along the axis; (0,) without
 
     @property
     def name(self) -> str:
@@ -77,7 +80,12 @@ class RingInfo:
         (a, b), (x, y) = self.ring.semi_axes, self.ring.offset
         c, s = np.cos(angle), np.sin(angle)
         between["constant"] = -(np.hypot(a * c, b * s) + c * x + s * y)
+        rubs = np.zeros((2, sizes.contacts))
+        if self.tangents.size:
+            rubs[:, self.tangents] = -np.array([-self.normals[:, 1], self.normals[:, 0]])
+        friction = Channel("rings", self.name, FRICTION_FORCE, "N", sizes.rows(2, contact=rubs))
         return [
+            *([friction] if self.tangents.size else []),
             Channel("rings", self.name, POSITION, "m", sizes.rows(2, **position)),
             Channel("rings", self.name, FORCE, "N", sizes.rows(2, contact=pushes)),
             Channel("rings", self.name, RADIAL_FORCE, "N", sizes.rows(half, contact=self.normals[:half] @ pushes)),
@@ -118,18 +126,22 @@ def rings_of(springs: Sequence[SpringInfo], first: int) -> tuple[RingInfo, ...]:
     springs : springs, friction contacts and sides of rings, in the order of their contacts.
     first : index of the contact of the first of them.
     """
-    sides: dict[str, list[tuple[int, SpringInfo]]] = {}
+    parts: dict[str, dict[str, list[tuple[int, SpringInfo]]]] = {}
     for contact, spring in enumerate((each for each in springs if each.law is not None), start=first):
-        if spring.part is not None and spring.part.kind == RING:
-            sides.setdefault(spring.name, []).append((contact, spring))
-    return tuple(
-        RingInfo(
-            parts[0][1].part.ring,
-            parts[0][1].places,
-            np.array([contact for contact, _ in parts], dtype=np.int64),
-            np.array([spring.shape for _, spring in parts]),
-            np.array([spring.base_influence for _, spring in parts]),
-        )
-        for parts in sides.values()
-        if parts[0][1].part is not None
-    )
+        if spring.part is not None:
+            parts.setdefault(spring.name, {}).setdefault(spring.part.kind, []).append((contact, spring))
+
+    def contacts(of: dict[str, list[tuple[int, SpringInfo]]], kind: str) -> Ints:
+        return np.array([contact for contact, _ in of.get(kind, ())], dtype=np.int64)
+
+    rings = []
+    for of in parts.values():
+        sides = [spring for _, spring in of[RING]]
+        assert sides[0].part is not None
+        rings.append(
+            RingInfo(
+                sides[0].part.ring, sides[0].places, contacts(of, RING), np.array([side.shape for side in sides]),
+                np.array([side.base_influence for side in sides]), contacts(of, TANGENT), contacts(of, AXIAL),
+            )
+        )  # fmt: skip
+    return tuple(rings)

@@ -59,6 +59,7 @@ RATIOS = {
     "FrictionCoefficients.sliding": "normal force",
     "FrictionCoefficients.static": "normal force",
     "FrictionBase.coefficient": "normal force",
+    "RingFriction.coefficient": "normal force",
     "HarmonicBalance.largest_error": "size of the motion",
     "BeforeAfter.pairing": "lower of the two frequencies",
     "Limits.frequency_shift": "frequency before",

@@ -115,6 +115,31 @@ def test_whirl_along_the_wall_keeps_its_radius_and_force() -> None:
     assert rings["force"].values[-20:].mean() == pytest.approx(STIFFNESS * (radius - GAP), rel=0.03)
 
 
+def test_friction_along_the_wall_holds_a_steady_whirl_back() -> None:
+    # steady whirl in closed form: ((K - m w^2) r + k (r - g))^2 + (mu k (r - g) + c w r)^2 = F^2
+    coefficient, drag, omega, load = 0.2, 300.0, 2 * math.pi * 8.0, 25.0
+    case = disc(level=0.0, ring={"sides": 24, "friction": {"coefficient": coefficient, "stiffness": 1e6}})
+    case["bodies"]["disc"]["viscous"] = [[drag, 0.0], [0.0, drag]]
+    force = {"kind": "harmonic", "level": load, "frequency": 8.0}
+    both = [force | {"applied_to": {"row": "y"}}, force | {"applied_to": {"row": "z"}, "phase": math.pi / 2}]
+    case |= {"excitation": {"kind": "forces", "forces": both}}
+    case["run"] |= {"duration": 0.12, "from": 0.08}
+    result = beamsim.run(case)
+    rings = result["rings"].sel(ring="ring")
+
+    def excess(r: float) -> float:
+        radial, pressed = (SHAFT - MASS * omega**2) * r, STIFFNESS * (r - GAP)
+        return math.hypot(radial + pressed, coefficient * pressed + drag * omega * r) - load
+
+    radius = brentq(excess, GAP, 2 * GAP)
+    pressed, late = STIFFNESS * (radius - GAP), slice(160, None)
+    assert rings["force"].values[late].mean() == pytest.approx(pressed, rel=0.02)
+    assert rings["friction_force"].values[late].mean() == pytest.approx(coefficient * pressed, rel=0.02)
+    assert rings["work_rate"].item() == pytest.approx(pressed * omega * radius, rel=0.03)
+    assert rings["friction_energy"].item() / 0.04 == pytest.approx(coefficient * pressed * omega * radius, rel=0.06)
+    assert result.summary["energy_error"] < 1e-10
+
+
 def test_rests_in_an_eccentric_ring_at_the_closed_form_equilibrium() -> None:
     # a weight along an oblique direction into a ring that it touches: radial, so that the equilibrium lies on that line
     way, load = np.array([0.6, -0.8]), 12.0
@@ -187,6 +212,36 @@ def test_an_elliptical_clearance_acts_at_its_semi_axes() -> None:
 
 
 @pytest.mark.parametrize(
+    "place", [{"node": "tip", "axis": "x"}, {"member": "arm", "position": "100 %", "axis": "local_x"}]
+)
+def test_a_ring_on_a_frame_is_one_at_its_two_places(place: Case) -> None:
+    def pipe(ring: Case) -> Case:
+        section = {"section": {"kind": "tube", "outer_diameter": 0.016, "wall_thickness": 1e-3}}
+        section |= {"youngs_modulus": 2e11, "density": 7850.0}
+        frame = {
+            "kind": "frame", "nodes": {"wall": [0, 0, 0], "tip": [1.0, 0, 0]}, "sections": {"tube": section},
+            "members": {"arm": {"nodes": ["wall", "tip"]}}, "supports": {"wall": "clamped"},
+            "damping": {"kind": "modal", "ratio": 0.02},
+        }  # fmt: skip
+        return {
+            "bodies": {"pipe": frame},
+            "snubbers": [{"name": "ring", "kind": "ring", "gap": 2e-4, "stiffness": 1e5, "sides": 24} | ring],
+            "probes": [{"name": "tip", "at": {"node": "tip", "direction": "z"}}],
+            "constant_forces": [{"at": {"node": "tip", "direction": "y"}, "force": 1.5}],
+            "excitation": {"kind": "half_sine", "applied_to": {"node": "tip", "direction": "z"}, "level": 5.0,
+                           "duration": 0.01},
+            "run": {"duration": 0.03, "sample_rate": 2e3, "convergence": "off"}, "reduction": {"modes": 4},
+        }  # fmt: skip
+
+    both = [{"node": "tip", "direction": direction} for direction in "yz"]
+    ours, theirs = (beamsim.run(pipe(ring))["rings"].sel(ring="ring") for ring in (place, {"along": both}))
+    assert ours["force"].values.max() > 1.0
+    for name in ("first_position", "second_position", "force"):
+        scale = np.abs(theirs[name].values).max()
+        np.testing.assert_allclose(ours[name].values, theirs[name].values, atol=1e-8 * scale)
+
+
+@pytest.mark.parametrize(
     ("ring", "about", "text"),
     [
         ({"sides": 50}, "sides", "no multiple of 4"),
@@ -196,6 +251,12 @@ def test_an_elliptical_clearance_acts_at_its_semi_axes() -> None:
         ({"gap": -1e-4}, "gap", "must be positive"),
         ({"side": "both"}, "side", ""),
         ({"node": 1}, "node", "keep along"),
+        (
+            {"friction": {"coefficient": 0.2, "stiffness": 1e6}, "damping": {"kind": "viscous", "coefficient": 9.0}},
+            "friction",
+            "does not go with damping",
+        ),
+        ({"friction": {"coefficient": 0.2, "stiffness": 1e6, "along_axis": True}}, "along_axis", "needs a node"),
     ],
 )
 def test_refuses_what_is_no_ring(ring: Case, about: str, text: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,10 @@ from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rat
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, hinge_key, largest
 from beamsim.scenario.connections import HingeElement
 from beamsim.system.structural import StructuralSystem, contact_units
-from beamsim.typing import Floats
+from beamsim.typing import Floats, not_none
+
+if TYPE_CHECKING:
+    from beamsim.system.rings import RingInfo
 
 _SLIDING_UNITS = {
     "sliding_distance": "m", "dissipated_energy": "j", "dissipated_power": "w", "wear_power": "w", "worn_volume": "m3",
@@ -88,15 +91,11 @@ def _ring_histories(motion: RunMotion, histories: Histories) -> Dataset:
     """Positions and forces of the rings, with their properties and errors."""
     rings, time = motion.system.rings, histories.time
     position, force = (histories.of(("rings", of)).T.reshape(len(rings), 2, time.size) for of in ("position", "force"))
-    closed, trajectory = motion.system.dynamics.contacts.closed, motion.trajectory
-    shares = []
-    for ring in rings:
-        touching = histories.in_contact[:, ring.sides].any(axis=1)
-        share = float(touching.mean())
-        if trajectory is not None:
-            lengths = trajectory.length[closed(trajectory.phases)[:, ring.sides].any(axis=1)]
-            share = float(lengths.sum()) / (trajectory.end - float(trajectory.time[0]))
-        shares.append(share)
+    friction = dict.fromkeys((ring.name for ring in rings), 0.0 * time)
+    rubbing = [ring for ring in rings if ring.tangents.size]
+    forces = histories.of(("rings", "friction_force")).T.reshape(len(rubbing), 2, time.size)
+    friction |= {ring.name: np.hypot(*both) for ring, both in zip(rubbing, forces, strict=True)}
+    worn = [_wear_of_ring(motion, ring, histories) for ring in rings]
     of_rings = [ring.ring for ring in rings]
     values: dict[str, Any] = {
         "time": time,
@@ -113,15 +112,28 @@ def _ring_histories(motion: RunMotion, histories: Histories) -> Dataset:
         "force_error": [ring.errors.force for ring in rings],
         "direction_error_deg": [ring.errors.direction_deg for ring in rings],
         "impulse_error": [ring.errors.impulse for ring in rings],
-        "contact_share": shares,
+        **{name: [of[name] for of in worn] for name in worn[0]},
         "first_position": position[:, 0],
         "second_position": position[:, 1],
         "first_force": force[:, 0],
         "second_force": force[:, 1],
         "force": np.hypot(force[:, 0], force[:, 1]),
+        "friction_force": [friction[ring.name] for ring in rings],
         "penetration": [ring.penetrations(*of) for ring, of in zip(rings, position, strict=True)],
     }
     return RINGS.dataset(values)
+
+
+def _wear_of_ring(motion: RunMotion, ring: RingInfo, histories: Histories) -> dict[str, float]:
+    """Contact share and wear of a ring after run.from; of a motion that is not kept whole the share of samples."""
+    from beamsim.responses.rings import wear_values
+
+    trajectory, begin = motion.trajectory, not_none(motion.system.scenario.run).from_
+    if trajectory is None or motion.compared_s is not None or begin >= trajectory.end:
+        share = float(histories.in_contact[:, ring.sides].any(axis=1).mean())
+        unknown = ("sliding_distance", "work_rate", "worn_volume", "friction_energy")
+        return {"contact_share": share, **dict.fromkeys(unknown, np.nan)}
+    return wear_values(trajectory.extract(begin, trajectory.end) if begin else trajectory, ring)
 
 
 def _friction_intervals(rows: Sequence[tuple[int, Any]]) -> Dataset:

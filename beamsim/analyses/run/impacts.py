@@ -225,60 +225,32 @@ def _contacts(trajectory: Trajectory, contact: int) -> _Contacts:
     return _Contacts(rows, forces, float(lost[~since].sum()), begins_in_contact, bool(touching[-1]))
 
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)  # of the integral of a ring's force over a segment
-
-
 def _contacts_of_ring(trajectory: Trajectory, ring: RingInfo) -> _Contacts:
     """Contacts at a ring in a chunk, from the first side that closes to the last that opens.
 
-    The magnitude of its force is no linear output: it is integrated with eight Gauss points on each segment.
+    The magnitude of its force is no linear output: see `RingContact`.
     """
-    flow, contacts = trajectory.flow, trajectory.flow.system.contacts
-    closed = contacts.closed(trajectory.phases)[:, ring.sides]
-    touching = closed.any(axis=1)
-    start, end, of_segment = _Spans.of(trajectory, touching)
-    inside = np.flatnonzero(touching & (trajectory.length > 0.0))
-    nodes = np.concatenate([[-1.0], _NODES, [1.0 - 1e-9]])
-    times = trajectory.time[inside, None] + 0.5 * (1.0 + nodes) * trajectory.length[inside, None]
-    sampled = trajectory.sample(times.ravel(), lambda phases: -ring.normals.T @ flow.at(phases).force[ring.sides])
-    force = np.hypot(*sampled.T).reshape(times.shape)
-    weight, owner = 0.5 * trajectory.length[inside, None] * _WEIGHTS, of_segment[inside]
-    lost = np.zeros(inside.size)
-    if ring.ring.dashpot and inside.size:
-        lost = trajectory.segment_integrals(
-            lambda phases: flow.at(phases).dissipation[0][ring.sides],
-            lambda phases: flow.at(phases).dissipation[1][ring.sides], np.ones((ring.sides.size, 1)), inside,
-        )[:, 0]  # fmt: skip
+    from beamsim.responses.rings import RingContact, radial_speeds
+
+    of = RingContact.of(trajectory, ring)
+    start, end, of_segment = _Spans.of(trajectory, of.touching)
+    times, force, touching, inside = of.times, of.force, of.touching, of.segments
+    owner, lost = of_segment[inside], of.energy_lost(trajectory, ring.sides)
 
     def summed(values: Floats, which: Ints) -> Floats:
         return np.asarray(np.bincount(which, values, minlength=start.size), dtype=float)
 
-    owners = np.repeat(owner, nodes.size)
+    owners = np.repeat(owner, times.shape[1])
     peak, peak_time = _largest(owners, TurningPoints(owners, times.ravel(), force.ravel()), start.size)
-    speeds = _radial_speeds(trajectory, ring, np.concatenate([start, end]))
-    inner = force[:, 1:-1]
+    speeds = radial_speeds(trajectory, ring, np.concatenate([start, end]))
     rows = _Impacts(
         start, end, summed(trajectory.length[inside], owner), np.ones(start.size, dtype=np.int64), peak, peak_time,
-        summed((weight * inner).sum(axis=1), owner), summed((weight * inner**2).sum(axis=1), owner),
+        summed(of.integrals(force), owner), summed(of.integrals(force**2), owner),
         speeds[: start.size], -speeds[start.size :], summed(lost, owner), np.zeros(start.size, dtype=bool),
     )  # fmt: skip
     forces = tuple(reversals(force[owner == k].ravel()) for k in range(start.size))
     at_start = any(_closes_at_start(trajectory, j) for j in ring.sides.tolist())
     return _Contacts(rows, forces, 0.0, bool(touching[0]) and not at_start, bool(touching[-1]))
-
-
-def _radial_speeds(trajectory: Trajectory, ring: RingInfo, times: Floats) -> Floats:
-    """(nt,) rates of the distance from the centre of a ring at given times."""
-    if not times.size:
-        return np.zeros(0)
-    rows, order = trajectory.flow.equations, np.argsort(times, kind="stable")
-    both = ring.sides[[0, ring.sides.size // 4]]
-    sampled = trajectory.sample(
-        times[order], lambda _: np.vstack([rows.penetration[both], rows.penetration_rate[both]])
-    )
-    position, out = sampled[:, :2] + ring.support[[0, ring.sides.size // 4]], np.empty(times.size)
-    out[order] = np.sum(position * sampled[:, 2:], axis=1) / np.hypot(*position.T)
-    return out
 
 
 def _join_parts(parts: Sequence[_Contacts]) -> _Contacts:

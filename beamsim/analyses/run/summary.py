@@ -254,8 +254,12 @@ def summary_entries(result: RunResult, summary: Mapping[str, Any]) -> dict[str, 
 
 def _ring_summary(rings: Dataset) -> dict[str, dict[str, Any]]:
     """Sides, errors and contact share of each ring."""
-    entries = ("sides", "contact_share", "gap_error", "force_error", "direction_error_deg", "impulse_error")
-    return {row["ring"]: {name: row[name] for name in entries} for row in rings.rows("ring")}
+    units = {"sliding_distance": "_m", "work_rate": "_w", "worn_volume": "_m3", "friction_energy": "_j"}
+    entries = ("contact_share", *units, "sides", "gap_error", "force_error", "direction_error_deg", "impulse_error")
+    return {
+        row["ring"]: {f"{name}{units.get(name, '')}": row[name] for name in entries if has_value(row[name])}
+        for row in rings.rows("ring")
+    }
 
 
 def _over_limits(result: RunResult, summary: Mapping[str, Any]) -> dict[str, Any]:
