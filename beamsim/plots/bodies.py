@@ -227,11 +227,7 @@ def plot_assembly_contact(result: RunResult, ax: Axes) -> None:
     largest = max(float(np.abs(shape).max()), *(x for x in openings.values() if math.isfinite(x)), 0.0) or 1.0
     factor, bar = HEIGHT / largest, round_length(largest)
     _sketch(result).draw(ax, shape * factor, factor, openings=known)
-    at = contact.labels("snubber")[contact["contact_snubber"].item()]
-    ax.set_title(
-        f"largest contact force, {amount(contact['force'].item(), 'N')} at {at}, t = {contact['time'].item():.4g} s",
-        fontsize="medium", loc="left",
-    )  # fmt: skip
+    ax.set_title(_largest_contact_text(contact), fontsize="medium", loc="left")
     scale_bar(ax, ax.get_xlim()[1], bar * factor, amount(bar, "m"))
 
 
@@ -245,9 +241,33 @@ def body_figures(result: RunResult) -> dict[str, Picture]:
     for name, plate in plates.items():
         of_plate = plate_figures(result, name, plate)
         figures |= {what if len(bodies) == 1 else f"{what}_{name}": picture for what, picture in of_plate.items()}
-    if len(result["modes"].labels("body")) > 1:
+    if "shapes_in_space" in result["modes"] and (in_space := _space_figures(result)):
+        figures |= in_space
+    elif len(result["modes"].labels("body")) > 1:
         figures |= assembly_figures(result)
     return figures
+
+
+def _space_figures(result: RunResult) -> dict[str, Picture]:
+    """Modes and the deflection at the largest contact force in space; empty if a body has no coordinates."""
+    from beamsim.plots.space import SpaceView, deflected_picture, space_modes
+
+    view = SpaceView.of(result.scenario, Stations.of_modes(result["modes"]), stops_of(result))
+    if view is None:
+        return {}
+    figures = {"space_modes": space_modes(view, result["modes"], result.title)}
+    if "contact" in result.datasets and "deflection_in_space" in result["contact"]:
+        contact = result["contact"]
+        touching = [name for name, opening in contact.by_label("opening").items() if opening.item() <= 0.0]
+        words = result.title, _largest_contact_text(contact)
+        figures["space_contact"] = deflected_picture(view, contact["deflection_in_space"].values, touching, words)
+    return figures
+
+
+def _largest_contact_text(contact: Dataset) -> str:
+    """The largest contact force of a run with its place and time."""
+    at = contact.labels("snubber")[contact["contact_snubber"].item()]
+    return f"largest contact force, {amount(contact['force'].item(), 'N')} at {at}, t = {contact['time'].item():.4g} s"
 
 
 ROUND_OFF = 1e-9  # of the largest deflection of a plate: less is drawn as none

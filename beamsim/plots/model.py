@@ -49,21 +49,25 @@ def plot_model(sketch: Sketch, ax: Axes) -> None:
     ax.set_title(excitation_text(sketch.scenario), fontsize="medium", loc="left", wrap=True)
 
 
-def _number(ax: Axes, names: Sequence[Named], margin: float) -> None:
+def _number(ax: Axes, names: Sequence[Named], margin: float, row_height: float = 1.0) -> None:
     """A number at every named place, whose meaning the legend lists; places that coincide have one label.
 
     Parameters
     ----------
     margin : distance (m in the sketch) within which something to the right of a place has its number to the left.
+    row_height : distance of rows.
     """
     numbers: dict[tuple[float, float], list[str]] = {}
     for k, (text, (x, y)) in enumerate(names, 1):
-        numbers.setdefault((float(f"{x:.3g}"), round(y, 1)), []).append(str(k))
+        numbers.setdefault(
+            (float(f"{x:.3g}"), row_height * round(y / row_height, 1 if row_height == 1.0 else 2)), []
+        ).append(str(k))
         ax.plot([], [], linestyle="none", label=f"{k}  {text}")
     for (x, y), those in numbers.items():
         x_offset = -20 if any(0.0 < other - x < margin for other, _ in numbers) else 12
+        y_offset = 9 if row_height != 1.0 or y - round(y) > -0.01 else -9
         ax.annotate(
-            ", ".join(those), (x, y), xytext=(x_offset, 9 if y - round(y) > -0.01 else -9), textcoords="offset points",
+            ", ".join(those), (x, y), xytext=(x_offset, y_offset), textcoords="offset points",
             va="center", fontsize="small", color="0.25", zorder=9, annotation_clip=False,
             bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "0.6", "linewidth": 0.6},
         )  # fmt: skip
@@ -71,8 +75,28 @@ def _number(ax: Axes, names: Sequence[Named], margin: float) -> None:
 
 def model_figure(sketch: Sketch) -> Picture:
     """The sketch with its title, what excites the model, and the scale of the gaps."""
+    if sketch.stations.points is not None and (view := _space_view(sketch)) is not None:
+        width, height = view.figure_size
+        return Picture(sketch.scenario.title, [partial(_plot_in_space, view)], size=(width, height + 1.2),
+                       legend_below=True)  # fmt: skip
     size = (8.0, 2.4 + 1.6 * sketch.count)
     return Picture(sketch.scenario.title, [partial(plot_model, sketch)], size=size, legend_below=True)
+
+
+def _space_view(sketch: Sketch) -> Any:
+    """The view in space; None if a body has no coordinates."""
+    from beamsim.plots.space import SpaceView
+
+    return SpaceView.of(sketch.scenario, sketch.stations, sketch.stops)
+
+
+def _plot_in_space(view: Any, ax: Axes) -> None:
+    """Draw the model at rest in space, with numbers at what the legend lists."""
+    view.draw(ax)
+    names = list(view.named_places(ax, view.draw_stops(ax)))
+    if len(names) <= MOST_NAMES:
+        _number(ax, names, 0.06 * view.size, view.size)
+    ax.set_title(excitation_text(view.scenario), fontsize="medium", loc="left", wrap=True)
 
 
 def _depths(sketch: Sketch, ax: Axes) -> None:
@@ -149,7 +173,7 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
         for place in _loaded(load_site_in(sketch.scenario, part.applied_to), sketch):
             x, y = sketch.point(place)
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
-        yield _level_text(part), (x, y + 0.34)
+        yield level_text(part), (x, y + 0.34)
     moved = [(part, at) for _, part in acting.supports for at in _places_moved(sketch, part.applied_to)]
     moved += [(part, at) for _, part in acting.stops for name, at in stops.items() if part.moves_stop(name)]
     with_support = [
@@ -159,7 +183,7 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
     for part, (x, y) in drawn:
         ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
         if part is not None:
-            yield f"{part.applied_to.label}: {_level_text(part)}", (x, y - 0.3)
+            yield f"{part.applied_to.label}: {level_text(part)}", (x, y - 0.3)
 
 
 def _carries(sketch: Sketch, excitation: Any, name: str) -> bool:
@@ -171,7 +195,7 @@ def _carries(sketch: Sketch, excitation: Any, name: str) -> bool:
     return (on.support, on.body or default) == (support.support, support.body or default)
 
 
-def _level_text(excitation: Any) -> str:
+def level_text(excitation: Any) -> str:
     """The level of an excitation with a single level, else its kind."""
     levels = [amplitude_text(excitation, level) for _, level in excitation.levels()]
     return levels[0] if len(levels) == 1 else str(excitation.kind).replace("_", " ")

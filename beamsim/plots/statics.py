@@ -49,12 +49,26 @@ def static_figures(result: StaticResult) -> dict[str, Picture]:
             beams.append(_deflected_beam(result, part.body, x, deflection[part.stations]))
     if beams:
         figures["deflection"] = Picture(result.title, beams)
+    if "deflection_in_space" in result["equilibrium"] and (in_space := _in_space(result, stations)):
+        return figures | in_space
     if len(stations.bodies) > 1 or not figures:
         sketch = Sketch(result.scenario, stations, stops_at_rest(result))
         size = (8.0, 1.6 + 1.4 * sketch.count)
         drawn = partial(_plot_assembly, result, sketch, deflection)
         figures["equilibrium"] = Picture(result.title, [drawn], size=size, legend_below=True)
     return figures
+
+
+def _in_space(result: StaticResult, stations: Stations) -> dict[str, Picture]:
+    """The deflection in space; empty if a body has no coordinates."""
+    from beamsim.plots.space import SpaceView, deflected_picture
+
+    view, equilibrium = SpaceView.of(result.scenario, stations, stops_at_rest(result)), result["equilibrium"]
+    if view is None:
+        return {}
+    touching = [row["snubber"] for row in equilibrium.rows("snubber") if row["touches"]]
+    words = result.title, "static equilibrium"
+    return {"equilibrium": deflected_picture(view, equilibrium["deflection_in_space"].values, touching, words)}
 
 
 def _on_body(result: StaticResult, body: str) -> list[SnubberNumbers]:

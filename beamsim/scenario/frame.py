@@ -609,6 +609,16 @@ class FrameBody(Body):
         }
         return self.model_copy(update={"elements": 2 * self.elements, "members": finer})
 
+    @property
+    def marks(self) -> tuple[tuple[float, str], ...]:
+        """Numbers of the supported nodes and kinds of their supports."""
+        numbers, kinds = {name: float(k) for k, name in enumerate(self.nodes, 1)}, []
+        for name, support in self.supports.items():
+            fixed = support_of(support).fixed
+            kind = "clamped" if len(fixed) == len(DIRECTIONS) else "pinned" if fixed else "springs"
+            kinds.append((numbers[name], kind))
+        return tuple(kinds)
+
     def point_of(self, place: AtPlace) -> Point:
         """Number of a node, from 1; or the number of a member, from 1, and the distance along it, m."""
         if place.member is None:

@@ -291,8 +291,23 @@ class MatricesStructure(BodyStructure):
                 None,
                 np.zeros((1, shapes.shape[1])),
             )
-        lines = None if points is None or not np.all(np.isfinite(points)) else self._lines(nodes, points)
-        return Recovery(self.name, NODES, nodes, np.asarray(shapes), points=points, lines=lines, direction=direction)
+        lines, in_space = None, None
+        if points is not None and np.all(np.isfinite(points)):
+            lines = self._lines(nodes, points)
+            in_space = self._in_space(nodes, member.expansion @ basis.vectors) / np.sqrt(member.structure.mass_scale)
+        return Recovery(
+            self.name, NODES, nodes, np.asarray(shapes), points=points, lines=lines, direction=direction,
+            in_space=in_space,
+        )  # fmt: skip
+
+    def _in_space(self, nodes: Floats, vectors: Floats) -> Floats:
+        """(nodes, 3, n) x, y and z of nodes for fields (N, n); zero where a node has no such degree of freedom."""
+        found = np.zeros((nodes.size, 3, vectors.shape[1]))
+        for k, node in enumerate(nodes.astype(int).tolist()):
+            for axis, direction in enumerate(TRANSLATIONS):
+                if (row := self.table.number.get((node, direction))) is not None:
+                    found[k, axis] = self.expansion[[row]] @ vectors
+        return found
 
     def _lines(self, nodes: Floats, points: Floats) -> Ints | None:
         """(k, 2) pairs of nodes that elements connect: edges, without diagonals.

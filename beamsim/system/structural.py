@@ -202,7 +202,8 @@ MODES = Layout(
         ),
         "shapes_in_space": Variable(
             (*_MODE, *_STATION, "direction"), "kg^-0.5",
-            "mode shapes of frames along x, y and z, unit modal mass; NaN on other bodies", optional=True,
+            "mode shapes along x, y and z of frames, and of imported bodies whose nodes have coordinates, unit modal "
+            "mass; NaN on other bodies", optional=True,
         ),
     },
 )  # fmt: skip

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from scipy.io import mmwrite
 from scipy.sparse import csc_array
 
@@ -9,6 +10,7 @@ import beamsim
 from beamsim.analyses.run.animation import frames_of_run
 from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
+from beamsim.plots.space import flat
 from beamsim.store.results import load, write_result
 from beamsim.structures.places import Stations
 from beamsim.system.build import build_system
@@ -60,10 +62,11 @@ def test_the_sketch_has_nodes_where_they_are(tmp_path):
     system = build_system(scenario)
     figure = model_figure(Sketch(scenario, system.stations, {stop.name: stop for stop in system.snubbers})).figure()
     (nodes,) = [line.get_xydata() for line in figure.axes[0].lines if line.get_xdata().size == 9]
+    np.testing.assert_allclose(nodes, flat(np.array(GRID)), atol=1e-12)
     corners = nodes.reshape(3, 3, 2)
-    np.testing.assert_allclose(np.diff(corners[..., 0], axis=1), 0.5)  # along x to scale
-    np.testing.assert_allclose(np.diff(corners, axis=0), np.broadcast_to(corners[1, 0] - corners[0, 0], (2, 3, 2)))
-    assert corners[1, 0, 1] > corners[0, 0, 1]
+    assert corners[1, 0, 1] > corners[0, 0, 1]  # y is towards the back
+    (drawn,) = [each for each in figure.axes[0].collections if isinstance(each, LineCollection)]
+    assert len(drawn.get_segments()) == len(EDGES)
 
 
 def test_animations_move_nodes_with_their_edges(tmp_path):

@@ -19,6 +19,7 @@ from beamsim.labelled import Dataset
 from beamsim.responses.histories import NOTABLE, Histories, share_above_half_rate, share_of_blocks
 from beamsim.results.values import DISPLACEMENT, FORCE, STRESS, extreme_times, hinge_key, largest
 from beamsim.scenario.connections import HingeElement
+from beamsim.structures.places import TRANSLATIONS
 from beamsim.system.structural import StructuralSystem, contact_units
 from beamsim.typing import Floats, not_none
 
@@ -369,11 +370,11 @@ def bodies_of_run(motion: RunMotion, evaluation: Evaluation) -> dict[str, Datase
 
 
 def contact_of_run(system: StructuralSystem, largest: LargestContact) -> Dataset:
-    """Dataset of the motion at the largest contact force, for the sketch of several bodies.
+    """Dataset of the motion at the largest contact force, for pictures of several bodies and of bodies in space.
 
     Parameters
     ----------
-    system : system with several bodies.
+    system : system with several bodies, or with bodies in space.
     largest : largest contact force of its motion.
     """
     places = [place for body in system.bodies for place in body.places]
@@ -388,4 +389,7 @@ def contact_of_run(system: StructuralSystem, largest: LargestContact) -> Dataset
         "snubber": [snubber.name for snubber in system.snubbers],
         "opening": largest.opening[: len(system.snubbers)],
     }
+    in_space = system.stations.in_space
+    if in_space is not None and not system.model.moving_supports:
+        values |= {"direction": TRANSLATIONS, "deflection_in_space": in_space @ largest.state[: system.dynamics.size]}
     return CONTACT.dataset(values, {"snubber": [contact_units(snubber.gap_unit) for snubber in system.snubbers]})

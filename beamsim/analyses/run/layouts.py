@@ -557,13 +557,18 @@ RANDOM = Layout(
 )  # fmt: skip
 CONTACT = Layout(
     "contact",
-    "The motion of several bodies when the largest contact force of all snubbers acts.",
+    "The motion of several bodies, or of bodies in space, when the largest contact force of all snubbers acts.",
     {
         "time": Variable((), "s", "time of the largest contact force"),
         "contact_snubber": Variable((), "1", "snubber with this force, number from 0", int, names="contact/snubber"),
         "force": Variable((), "N", "largest contact force"),
         "station": Variable(_STATION, "1", "number of the station of the mode shapes", int),
         "deflection": Variable(_STATION, "m", "deflection relative to the base at that time"),
+        "direction": Variable(("direction",), "1", "axis of a displacement", str),
+        "deflection_in_space": Variable(
+            (*_STATION, "direction"), "m", "displacement along x, y and z at that time; NaN on bodies that are not in "
+            "space", optional=True,
+        ),
         "snubber": Variable(("snubber",), "1", "name of the snubber", str),
         "opening": Variable(
             ("snubber",), "{gap_unit}", "distance to its face at that time; 0 in contact or while latched"

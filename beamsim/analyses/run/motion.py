@@ -205,7 +205,7 @@ class RunMotion:
     extreme_states: Floats  # (2, 2n) at `extreme_times`
     contact_share: Floats
     histories: Histories | None = None  # at the output times
-    contact: LargestContact | None = None  # for several bodies
+    contact: LargestContact | None = None  # for several bodies, and bodies in space
     states: Floats | None = None  # (nt, 2n or more) at the requested times; None for a time-stepped motion
     low_passed: Floats | None = None  # (nt or more, probes) filtered acceleration, if there is a filter
     trajectory: Trajectory | None = None  # closed form; its last part if not all is kept
@@ -577,11 +577,11 @@ class ChunkValues:
         self.extreme_states = self.extreme_states[: times.size]
         for k in np.flatnonzero(times != self._extreme_times[: times.size]).tolist():
             self._extreme_times[k], self.extreme_states[k] = times[k], chunk.states_at(times[[k]])[0]
-        if len(self.system.bodies) > 1 and self.system.snubbers:
+        if (len(self.system.bodies) > 1 or self.system.stations.in_space is not None) and self.system.snubbers:
             self._include_contact(chunk)
 
     def _include_contact(self, chunk: Trajectory) -> None:
-        """Store the openings for several bodies if the next chunk has the largest contact force."""
+        """Store the openings for several bodies or bodies in space if the next chunk has the largest contact force."""
         largest = largest_contact(self.system, self.extremes)
         if largest is not None and (self.contact is None or largest.time != self.contact.time):
             at, flow = np.array([largest.time]), chunk.flow

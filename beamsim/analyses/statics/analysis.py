@@ -28,6 +28,7 @@ from beamsim.results.result import (
 from beamsim.results.values import Extremes, by_hinge_key, margins, parse_limit, place_of_stress, values_of
 from beamsim.scenario import Scenario
 from beamsim.structures.modes import closed_modes
+from beamsim.structures.places import TRANSLATIONS
 from beamsim.system.build import build_system, static_shape_of, support_channels
 from beamsim.system.equations import ChannelSet
 from beamsim.system.reduced_model import SharedBuilds, gravity_loads
@@ -240,6 +241,9 @@ def _columns(found: _AtRest) -> tuple[dict[str, Any], dict[str, list[dict[str, s
         "station": 1 + np.arange(system.deflection.shape[0]),
         "deflection": system.deflection @ found.q,
     }  # fmt: skip
+    in_space = system.stations.in_space
+    if in_space is not None:
+        values |= {"direction": TRANSLATIONS, "deflection_in_space": in_space @ found.q}
     words = {
         "snubber": [contact_units(s.gap_unit) for s in snubbers],
         "support": [{"reaction_unit": unit} for _, unit in reactions],

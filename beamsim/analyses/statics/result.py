@@ -46,6 +46,11 @@ EQUILIBRIUM = Layout(
         ),
         "station": Variable(("station",), "1", "number of the station, as in modes", int),
         "deflection": Variable(("station",), "m", "deflection at the station"),
+        "direction": Variable(("direction",), "1", "axis of a displacement", str),
+        "deflection_in_space": Variable(
+            ("station", "direction"), "m", "displacement of the station along x, y and z; NaN on bodies that are not "
+            "in space", optional=True,
+        ),
     },
 )  # fmt: skip
 
