@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -68,6 +69,72 @@ class ForceCurve:
         """Forces at deflections, N; zero at negative ones."""
         beyond = np.maximum(deflection - self.deflection[-1], 0.0) * self.slopes[-1]
         return np.asarray(np.interp(deflection, self.deflection, self.force) + beyond)
+
+
+class TabulatedPower(NamedTuple):
+    """A table of a power law, with its error."""
+
+    curve: ForceCurve
+    force_error: float  # largest error of the force, relative to the force at the end of the table
+    work_error: float  # error of the work up to the end of the table, relative to that work
+
+
+MOST_SEGMENTS = 200  # of a table that is generated
+
+
+def power_curve(exponent: float, reach: float, force: float, segments: int) -> TabulatedPower:
+    """A table of ``force (x / reach)^exponent``, whose errors are nearly equal on all segments.
+
+    The ends of the segments are at :math:`(i/m)^{2/n}` of the range, where chords of the curve have nearly equal
+    distances from it. All ends except zero are moved by half the largest of these distances, so that errors of both
+    signs occur.
+
+    Parameters
+    ----------
+    exponent : n, positive, not 1.
+    reach, force : end of the table, m and N.
+    segments : their number m.
+
+    Examples
+    --------
+    >>> curve, force_error, _ = power_curve(1.5, 1e-3, 100.0, 4)
+    >>> curve.slopes.size, round(force_error, 4)
+    (4, 0.0071)
+    """
+    x = np.linspace(0.0, 1.0, segments + 1) ** (2.0 / exponent)
+    y = x**exponent
+    chords = _chord_errors(x, y, exponent)
+    y[1:] -= 0.5 * chords[np.argmax(np.abs(chords))]
+    errors = np.concatenate([y - x**exponent, _chord_errors(x, y, exponent)])
+    work = float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x))) * (exponent + 1.0) - 1.0
+    return TabulatedPower(ForceCurve(reach * x, force * y), float(np.abs(errors).max()), work)
+
+
+def power_curve_within(exponent: float, reach: float, force: float, tolerance: float) -> TabulatedPower:
+    """The table of a power law with the fewest segments whose force error is within a tolerance.
+
+    Parameters
+    ----------
+    exponent, reach, force : see :func:`power_curve`.
+    tolerance : of the error of the force, relative to ``force``.
+
+    Raises
+    ------
+    ValueError
+        If it needs more than `MOST_SEGMENTS`.
+    """
+    for segments in range(1, MOST_SEGMENTS + 1):
+        table = power_curve(exponent, reach, force, segments)
+        if table.force_error <= tolerance:
+            return table
+    raise ValueError(f"{MOST_SEGMENTS} segments give {table.force_error:.2g} of the largest force")
+
+
+def _chord_errors(x: Floats, y: Floats, exponent: float) -> Floats:
+    """(s,) largest distance of each segment from the curve ``x^exponent`` where both are parallel, with its sign."""
+    slope = np.diff(y) / np.diff(x)
+    at = np.clip((slope / exponent) ** (1.0 / (exponent - 1.0)), x[:-1], x[1:])
+    return np.asarray(y[:-1] + slope * (at - x[:-1]) - at**exponent)
 
 
 NEGLIGIBLE_SLOPE = 1e-9  # relative to the steepest slope; a smaller one is round-off

@@ -297,7 +297,8 @@ def is_main_value(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     """Whether a value is one that a user reads first, so that a doubt about it is one about the result.
 
     Those are displacements, accelerations, forces, what has a limit, and the first natural frequency, open and closed,
-    that is none of a rigid body. Others are marked where they are printed.
+    that is none of a rigid body; with a smooth law the open one alone, since such a law has no stiffness where it
+    closes. Others are marked where they are printed.
 
     Parameters
     ----------
@@ -306,8 +307,10 @@ def is_main_value(scenario: Scenario, modes: Dataset | None, key: str) -> bool:
     key : ``entry.place`` of a summary, as in ``doubtful``; frequencies have their number as place.
     """
     entry, _, place = key.partition(".")
-    if entry in MAIN_ENTRIES or (entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry))):
+    if entry in MAIN_ENTRIES:
         return True
+    if entry in NATURAL_FREQUENCIES and place == str(_first_elastic(modes, entry)):
+        return entry == NATURAL_FREQUENCIES[0] or not scenario.has_smooth_laws
     given = () if scenario.limits is None else scenario.limits.values_by_name
     return any(limits(name, entry, place) for name in given)
 

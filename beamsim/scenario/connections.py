@@ -197,8 +197,70 @@ class SegmentFit(Schema):
     """Number of straight lines."""
 
 
+class GeneratedForces(Schema):
+    """A smooth law, computed by a table with a stated error."""
+
+    range: q.Length
+    """Penetration up to which the error of the table is stated; a warning says if a motion exceeds it."""
+    tolerance: Annotated[float, q.Quantity(units.RATIO, minimum=1e-5, maximum=0.1)] = 0.01
+    """Largest error of the force up to the range, relative to the force there; 1 % by default."""
+    segments: Annotated[int, q.WholeNumber(1, 200)] | None = None
+    """Number of straight lines, instead of tolerance."""
+
+    def check(self) -> None:
+        """Refuse a number of segments in addition to a tolerance."""
+        self.exclude("segments", "tolerance")
+
+    @property
+    def power(self) -> tuple[float, float]:
+        """Exponent, and force at the range, N."""
+        raise NotImplementedError
+
+
+class PowerLaw(GeneratedForces):
+    """Force proportional to a power of the penetration."""
+
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("exponent",)
+
+    exponent: Annotated[float, q.Quantity(units.NUMBER, minimum=0.5, maximum=10.0)]
+    """Exponent: 1.5 for spheres, above 1 for a stop that stiffens, below 1 for one that softens."""
+    point: ForcePoint
+    """A penetration and the force there."""
+
+    def check(self) -> None:
+        """Refuse a straight line, and a point without a force."""
+        super().check()
+        if self.exponent == 1.0:
+            raise InvalidValueError("= 1 is a spring", "give stiffness instead", ("exponent",))
+        if min(self.point) <= 0.0:
+            remedy = "give a penetration and a force that are positive: [0.2 mm, 400 N]"
+            raise InvalidValueError("is not on a curve that rises from zero", remedy, ("point",))
+
+    @property
+    def power(self) -> tuple[float, float]:
+        """Exponent, and force at the range, N."""
+        deflection, force = self.point
+        return self.exponent, force * (self.range / deflection) ** self.exponent
+
+
+class HertzLaw(GeneratedForces):
+    """Contact of two spheres, or of a sphere and a plane, by Hertz: ``F = 4/3 E* sqrt(R) delta^1.5``."""
+
+    distinguishing_keys: ClassVar[tuple[str, ...]] = ("radius",)
+
+    radius: q.Length
+    """R, the radius of a sphere on a plane; of two spheres 1/R = 1/R1 + 1/R2."""
+    modulus: q.Modulus
+    """E*, with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2: 115 GPa for steel on steel."""
+
+    @property
+    def power(self) -> tuple[float, float]:
+        """Exponent, and force at the range, N."""
+        return 1.5, 4.0 / 3.0 * self.modulus * math.sqrt(self.radius) * self.range**1.5
+
+
 class MeasuredForces(Schema):
-    """A force-deflection curve, from a file or from points, optionally fitted."""
+    """A force-deflection curve, from a file or from points, optionally fitted, or of a smooth law."""
 
     file: q.FileName | None = None
     """CSV file, relative to the scenario's folder; its headings contain units: deflection (mm), force (N), time (s)."""
@@ -208,6 +270,9 @@ class MeasuredForces(Schema):
     """Decimal mark in a text file, "." or ","; by default detected from the numbers."""
     points: ForcePoints | None = None
     """Pairs of deflection and force, instead of a file."""
+    smooth: Annotated[PowerLaw | HertzLaw, BY_FORM] | None = None
+    """A law that is not piecewise linear, instead of a file: {exponent, point} for a power of the penetration, or
+    {radius, modulus} for contact by Hertz, each with range and tolerance."""
     fit: SegmentFit | None = None
     """Fit a rising piecewise-linear curve through zero with this number of segments; by default the points are used as
     they are."""
@@ -218,9 +283,12 @@ class MeasuredForces(Schema):
     identify_stiffness.nonlinear can identify them from vibrations at several levels."""
 
     def check(self) -> None:
-        """Require a file or points; points that are not fitted must be a rising curve from zero."""
-        if (self.file is None) == (self.points is None):
-            raise InvalidValueError("needs file or points", "give file: pad.csv, or points: [[0 mm, 0 N], [1 mm, 9 N]]")
+        """Require a file, points or a smooth law; points that are not fitted must be a rising curve from zero."""
+        if sum(source is not None for source in (self.file, self.points, self.smooth)) != 1:
+            remedy = "give file: pad.csv, points: [[0 mm, 0 N], [1 mm, 9 N]], or smooth: {...}"
+            raise InvalidValueError("needs one of file, points and smooth", remedy)
+        if self.smooth is not None:
+            self.exclude("smooth", "columns", "decimal", "fit")
         if self.points is not None and self.fit is None:
             check_points(self.points, ("points",))
         elif self.points is not None and len(self.points) < 2:
@@ -326,8 +394,8 @@ class SnubberBase(Named):
     stiffness: q.StopStiffness | None = None
     """Stiffness in contact; either this or force_deflection is required."""
     force_deflection: ForceDeflection | None = None
-    """Force over penetration, instead of stiffness: [[0 mm, 0 N], [1 mm, 9 N], ...], a CSV file, or {file: pad.csv,
-    fit: {segments: 5}}; the curve continues with its last slope."""
+    """Force over penetration, instead of stiffness: [[0 mm, 0 N], [1 mm, 9 N], ...], a CSV file, {file: pad.csv,
+    fit: {segments: 5}}, or {smooth: {...}} for Hertz and other powers; the curve continues with its last slope."""
     damping: SnubberDamping | None = None
     """Dashpot parallel to the spring; none by default."""
     maxwell: tuple[Maxwell, ...] = ()

@@ -742,6 +742,12 @@ class Scenario(Schema):
         return any(snubber.force_deflection is not None for snubber in self.all_snubbers)
 
     @property
+    def has_smooth_laws(self) -> bool:
+        """Whether the curve of a snubber is a table of a law that is not piecewise linear."""
+        with_tables = (snubber for snubber in self.all_snubbers if snubber.force_deflection is not None)
+        return any(snubber.table.smooth is not None for snubber in with_tables)
+
+    @property
     def requested_outputs(self) -> tuple[tuple[Path, Any], ...]:
         """The outputs with their paths: those of the scenario, then those of the run only."""
         of_run = () if self.run is None else self.run.outputs

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width
+from beamsim.contacts.pads import ForceCurve, fit_curve, loop_width, power_curve, power_curve_within
 from beamsim.errors import InputFileError, ScenarioError
 from beamsim.files import find_file, open_input
 from beamsim.measurements.columns import by_dimension
@@ -20,8 +20,9 @@ from beamsim.measurements.read import read_file
 from beamsim.measurements.signal import axis_kind
 from beamsim.scenario import Scenario, units
 from beamsim.scenario.base import InvalidValueError, Path, count_text, path_text, problem
-from beamsim.scenario.connections import MeasuredForces, check_points
+from beamsim.scenario.connections import GeneratedForces, MeasuredForces, check_points
 from beamsim.scenario.files import DecimalMark
+from beamsim.scenario.parameters import with_values
 from beamsim.typing import Floats
 
 LOOP_WIDTH = 0.02  # width of a loop relative to the largest force, above which its energy loss matters
@@ -114,6 +115,8 @@ def _of_file(file: FilePath | None, path: Sequence[str | int]) -> str:
 @lru_cache(maxsize=64)
 def _table(table: MeasuredForces, file: FilePath | None, change_time: int) -> TableOfStop:
     """The curve of a table; ``change_time`` is the time of the file's last change and distinguishes its versions."""
+    if table.smooth is not None:
+        return _generated(table.smooth)
     if file is None:
         assert table.points is not None
         deflection, force = np.array(table.points, dtype=float).T
@@ -126,6 +129,32 @@ def _table(table: MeasuredForces, file: FilePath | None, change_time: int) -> Ta
     curve, misfit, remarks = fit_from_zero(deflection, force, table.fit.segments)
     remarks += _remarks(loop_width(deflection, force), file, time, table.fit.segments)
     return TableOfStop(curve, misfit, "; ".join(remarks))
+
+
+def _generated(law: GeneratedForces) -> TableOfStop:
+    """The table of a smooth law, with its error in the remark."""
+    exponent, force = law.power
+    if law.segments is None:
+        table = power_curve_within(exponent, law.range, force, law.tolerance)
+    else:
+        table = power_curve(exponent, law.range, force, law.segments)
+    remark = (
+        f"up to {1e3 * law.range:.4g} mm, {count_text(table.curve.slopes.size, 'straight line')} give the force to "
+        f"{100 * table.force_error:.2g} % of {force:.4g} N, and the work to {100 * abs(table.work_error):.2g} %"
+    )
+    return TableOfStop(table.curve, 0.0, remark)
+
+
+def with_finer_tables(scenario: Scenario) -> Scenario:
+    """A copy with twice as many segments in each table of a smooth law."""
+    finer: dict[Path, object] = {}
+    for path, _, snubber, _ in scenario.located_snubbers:
+        if snubber.force_deflection is not None and (law := snubber.table.smooth) is not None:
+            segments = 2 * _generated(law).curve.slopes.size
+            kept = {key: getattr(law, key) for key in law.model_fields_set - {"tolerance"}}
+            smooth = type(law).model_construct(**{**kept, "segments": segments})
+            finer[(*path, "force_deflection")] = snubber.table.model_copy(update={"smooth": smooth})
+    return with_values(scenario, finer) if finer else scenario
 
 
 LARGEST_OFFSET = 0.05  # relative to the largest force or deflection, at the start of contact

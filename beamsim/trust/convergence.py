@@ -1,11 +1,11 @@
 """The error of every value, from its change when the case is solved again with a finer model.
 
-The finer model has three times the modes, or all of a model that has few, twice the sides of rings, and, where a body
-has a mesh, twice the elements. If the error of a value falls at least with the square of the number of modes, the
-change is at least 8/9 of the error; so the stated error is 9/8 of the change (4/3 with plates, whose meshes are of
-second order, and 1.55 for reactions at their edges, of order 1.5). A value with an error of more than `ALLOWED_ERROR`
-is doubtful. Values are numbers by entry of a summary, or by entry and place (a probe, a snubber, a curve).
-docs/theory.md, section 7, gives the orders of convergence.
+The finer model has three times the modes, or all of a model that has few, twice the sides of rings and the segments of
+smooth laws, and, where a body has a mesh, twice the elements. If the error of a value falls at least with the square of
+the number of modes, the change is at least 8/9 of the error; so the stated error is 9/8 of the change (4/3 with plates,
+whose meshes are of second order, and with smooth laws, and 1.55 for reactions at the edges of plates, of order 1.5). A
+value with an error of more than `ALLOWED_ERROR` is doubtful. Values are numbers by entry of a summary, or by entry and
+place (a probe, a snubber, a curve). docs/theory.md, section 7, gives the orders of convergence.
 
 A motion with repeated impacts may be so sensitive that any small change gives a different sequence of contacts after
 some time. The motion after this divergence is one of many, and no model or precision can determine which.
@@ -30,6 +30,7 @@ from beamsim.results.result import ALLOWED_ERROR, Result
 from beamsim.results.values import is_main_value, limits, parse_limit
 from beamsim.scenario import Scenario
 from beamsim.summaries import value_in_words
+from beamsim.system.force_tables import with_finer_tables
 from beamsim.typing import Floats, Ints, not_none
 
 FREQUENCIES = 6  # natural frequencies that are compared
@@ -109,12 +110,14 @@ def errors_of(changes: Changes, scenario: Scenario, complete: bool) -> Errors:
     ----------
     changes : of the values of a model.
     scenario : its meshes have an order of convergence, too.
-    complete : whether the finer model keeps all modes, see `keeps_all`.
+    complete : whether the finer model keeps all modes, see `keeps_all`, and no law is approximated.
     """
     if complete:
         return changes
     bodies, of_modes = scenario.all_bodies.values(), MORE_MODES**-ORDER
     left = max(of_modes, *(2.0**-body.mesh_order for body in bodies))
+    if scenario.has_force_tables and scenario.has_smooth_laws:
+        left = max(left, 2.0**-ORDER)
     at_edges = max(of_modes, *(2.0**-body.reaction_order for body in bodies))
     kinds = {each.name: each.kind for _, each in scenario.requested_outputs}
     errors: Errors = {}
@@ -235,6 +238,17 @@ class ContactEvents:
         these = motion.event_contact < snubbers
         return cls(motion.end, motion.event_time[these], motion.event_contact[these], motion.event_phase[these])
 
+    def of_touching(self, motion: Trajectory | MotionInChunks | ReferenceTrajectory) -> Self:
+        """The events at which a contact closes or opens; ``phase`` then is 1 or -1.
+
+        Parameters
+        ----------
+        motion : to which these events belong.
+        """
+        change = motion.touch_changes[np.isin(motion.event_contact, np.unique(self.contact))]
+        met = change != 0
+        return replace(self, time=self.time[met], contact=self.contact[met], phase=change[met])
+
     def until(self, end: float) -> Self:
         """The events up to a time, s."""
         count = int(np.searchsorted(self.time, end, side="right"))
@@ -345,15 +359,17 @@ def keeps_all(modes: Dataset, kept_modes: int | None = None) -> bool:
     return bool((kept_modes or modes["kept_modes"].item()) >= _coordinates(modes))
 
 
-def finer_modes(modes: Dataset) -> int:
-    """How many modes the finer model of a case keeps: three times as many, or all of a structure that has few.
+def finer_case(scenario: Scenario, modes: Dataset) -> Scenario:
+    """The finer model of a case: three times as many modes, or all of a structure that has few, and finer meshes.
 
     Parameters
     ----------
-    modes : of the first model.
+    scenario, modes : of the first model.
     """
     every = _coordinates(modes)
-    return int(every if every <= FEW_MODES else min(math.ceil(MORE_MODES * modes["kept_modes"].item()), every))
+    more = every if every <= FEW_MODES else min(math.ceil(MORE_MODES * modes["kept_modes"].item()), every)
+    finer = scenario.refine(int(more))
+    return with_finer_tables(finer) if scenario.has_force_tables else finer
 
 
 def _coordinates(modes: Dataset) -> float:
@@ -467,6 +483,7 @@ def unconverged_outcome(result: Result, keys: Collection[str], *parts: Outcome) 
     modes = "all" if model["modes"] >= _coordinates(result["modes"]) else f"{MORE_MODES:g} times the"
     finer = f"seen with {modes} modes" + (" and twice the elements of every mesh" if result.scenario.has_mesh else "")
     finer += " and twice the sides of every ring" if result.scenario.rings else ""
+    finer += " and twice the segments of every smooth law" if result.scenario.has_smooth_laws else ""
     value_names = tuple(f"{value_in_words(key)} by {100 * sizes[key]:.2g} %" for key in worst)
     remedy = _remedy(result, model["first_modes"], keys)
     kind, code = OutcomeKind.DOUBTFUL, "figures_doubtful"
@@ -513,7 +530,11 @@ def _finer_model_remedy(result: Result, modes: int) -> str:
     """Text: how to get a model finer than one with so many modes."""
     elements = "raise the number of elements" if result.scenario.has_mesh else ""
     sides = "give more sides to the rings" if result.scenario.rings else ""
-    return " and ".join(filter(None, (result.scenario.more_modes(math.ceil(MORE_MODES * modes)), elements, sides)))
+    segments = "lower the tolerance of the smooth laws" if result.scenario.has_smooth_laws else ""
+    if keeps_all(result["modes"]) and (sides or segments):
+        return " and ".join(filter(None, (sides, segments)))
+    more = result.scenario.more_modes(math.ceil(MORE_MODES * modes))
+    return " and ".join(filter(None, (more, elements, sides, segments)))
 
 
 def _remedy(result: Result, modes: int, unconverged: Collection[str]) -> str:

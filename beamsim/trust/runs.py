@@ -75,7 +75,7 @@ from beamsim.trust.convergence import (
     divergence,
     errors_of,
     exact,
-    finer_modes,
+    finer_case,
     keeps_all,
     largest_changes,
     numbers_by_place,
@@ -117,8 +117,10 @@ class Model:
 
     @cached_property
     def events(self) -> ContactEvents:
-        """Contact events of the snubbers."""
-        return ContactEvents.of(self.motion.source_motion, len(self.motion.system.snubbers))
+        """Contact events of the snubbers; with smooth laws, whose segments differ in a finer model, only touches."""
+        motion, scenario = self.motion.source_motion, self.motion.system.scenario
+        events = ContactEvents.of(motion, len(self.motion.system.snubbers))
+        return events.of_touching(motion) if scenario.has_force_tables and scenario.has_smooth_laws else events
 
     @cached_property
     def _filtered_motion(self) -> FilteredMotion | None:
@@ -245,7 +247,7 @@ def convergence_of(solution: Solution, builds: SharedBuilds, progress: Progress 
     begin, scenario = processor_time(), solution.result.scenario
     settings = not_none(scenario.run)
     first, derived = Model(solution.motion), DerivedValues(solution.result)
-    if keeps_all(first.motion.system.modes) and not scenario.rings:
+    if keeps_all(first.motion.system.modes) and not (scenario.rings or scenario.has_smooth_laws):
         errors, lines = _with_lines(derived, exact(first.values | derived.reported_values()))
         checked = _with_disturbance(Convergence(errors, lines=lines), first, derived)
     elif isinstance(settings.start, OrbitStart):
@@ -255,7 +257,7 @@ def convergence_of(solution: Solution, builds: SharedBuilds, progress: Progress 
         most = min(settings.max_events, 4 * first.motion.work.events + 1000)
         again = settings.model_copy(update={"max_events": most, "method": "exact"})
         try:
-            case = scenario.refine(finer_modes(first.motion.system.modes))
+            case = finer_case(scenario, first.motion.system.modes)
             motion = motion_of(build_system(case, builds), again, output_times(case), progress, never, MOTION_ALONE)
         except ScenarioError as error:
             checked = Convergence(reason="; ".join(problem.message for problem in error.problems))
@@ -283,7 +285,8 @@ def _errors_of_models(first: Model, second: Model, derived: DerivedValues) -> Co
         changes |= relative_changes([derived.reported_values()], derived.values_of_model(second))
         scatter = {} if "random" not in derived.result.datasets else derived.scatter()
     scenario, kept = second.motion.system.scenario, second.motion.system.kept_modes
-    complete = keeps_all(first.motion.system.modes, kept)  # the modes dataset of the second would take long
+    # the modes dataset of the second would take long
+    complete = keeps_all(first.motion.system.modes, kept) and not scenario.has_smooth_laws
     errors, lines = _with_lines(derived, errors_of(changes, scenario, complete))
     if not complete:
         _demand_least(errors, first)

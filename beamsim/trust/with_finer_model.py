@@ -33,7 +33,7 @@ from beamsim.trust.convergence import (
     comparable_values,
     errors_of,
     exact,
-    finer_modes,
+    finer_case,
     keeps_all,
     largest_errors,
     relative_changes,
@@ -334,10 +334,11 @@ def _convergence(
 ) -> Convergence:
     """The errors of a result's own values, from a finer model."""
     modes = result["modes"]["kept_modes"].item()
-    if keeps_all(result["modes"]) and not result.scenario.rings:
+    approximated = bool(result.scenario.rings) or result.scenario.has_smooth_laws
+    if keeps_all(result["modes"]) and not approximated:
         return Convergence(exact(values))
     try:
-        second = solve(result.scenario.refine(finer_modes(result["modes"])))
+        second = solve(finer_case(result.scenario, result["modes"]))
     except ScenarioError as error:
         return Convergence(reason="; ".join(problem.message for problem in error.problems))
     if not second.outcome.trusted:
@@ -345,7 +346,7 @@ def _convergence(
     changes = relative_changes([values], [compared.values(second)])
     if compared.cycles is not None:
         changes = largest_errors(changes, compared.cycles(result, second))
-    errors = errors_of(changes, result.scenario, keeps_all(second["modes"]))
+    errors = errors_of(changes, result.scenario, keeps_all(second["modes"]) and not result.scenario.has_smooth_laws)
     if compared.lower_bounds is not None:
         errors = largest_errors(errors, compared.lower_bounds(result))
     return Convergence(errors, tuple(unconverged_values(errors, {})), second["modes"]["kept_modes"].item(), modes)
