@@ -12,7 +12,7 @@ A cubic spline through the samples of a block differs from that through all samp
 factor of 2 - sqrt(3) per sample; after `MARGIN` samples it is below round-off.
 
 The kernels use all signals of a motion on common breakpoints (`Sources`). A *source* is a basis function
-:math:`\tau^p e^{\nu\tau}` of one channel (a load's signal, the base displacement, an observed signal), with a complex
+:math:`\tau^p e^{\nu\tau}` of one channel (the signal of a load, or a displacement of the base), with a complex
 amplitude that depends on the start of the segment. Source 0 is constant; it represents dead loads and gaps.
 """
 

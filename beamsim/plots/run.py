@@ -330,12 +330,22 @@ def shock_response(srs: Dataset, note: str) -> Chart:
     return chart._replace(marks=limit_curves(limits, f), y_ends=(low if squeezes else None, None))
 
 
+def matched_spectra(matched: Dataset) -> list[Chart]:
+    """The shock response spectrum of each matched record over the requested spectrum."""
+    motions = matched.labels("base_motion")
+    each = [matched_spectrum(matched.isel(base_motion=slice(k, k + 1))) for k in range(len(motions))]
+    if len(motions) == 1:
+        return each
+    return [chart._replace(title=f"{name}: {chart.title}") for name, chart in zip(motions, each, strict=True)]
+
+
 def matched_spectrum(matched: Dataset) -> Chart:
-    """The shock response spectrum of a matched record over the requested spectrum."""
+    """The shock response spectrum of a single matched record over the requested spectrum."""
     misfit, pale = misfit_of_matched(matched), {"color": PALE, "linewidth": 4.0, "linestyle": "-", "zorder": 1}
     frequency = matched["frequency_hz"].values
-    curves = [Curve("record", frequency, matched["reached"].values)]
-    curve = Curve("curve asked for", frequency, matched["target"].values, pale)
+    known = np.isfinite(matched["target"].values[0])
+    curves = [Curve("record", frequency[known], matched["reached"].values[0][known])]
+    curve = Curve("curve asked for", frequency[known], matched["target"].values[0][known], pale)
     title = f"Record {misfit['lowest_db']:+.1f} to {misfit['highest_db']:+.1f} dB from the curve"
     y_axis = (f"Peak acceleration, Q = {misfit['quality']:g}", "m/s^2")
     x_axis = ("Natural frequency of the oscillator", "Hz")
@@ -745,8 +755,8 @@ def _shock_figures(result: RunResult) -> dict[str, Picture]:
 
 
 def _matched_figures(result: RunResult) -> dict[str, Picture]:
-    """The picture of a record matched to a spectrum, if there is one."""
-    return {"matched_spectrum": Picture(result.title, [matched_spectrum(result["matched"])])}
+    """The picture of records matched to spectra, if there are any."""
+    return {"matched_spectrum": Picture(result.title, matched_spectra(result["matched"]))}
 
 
 def ring_orbit(rings: Dataset, name: str) -> Chart:

@@ -1004,7 +1004,8 @@ class MatchedInput(DrivenInput):
     duration: q.Duration
     """Duration of the record, at least 1.5 periods of the lowest frequency; it begins and ends at rest."""
     seed: q.RandomSeed = 0
-    """Seed of the times and signs of the wavelets: the same seed gives the same record."""
+    """Seed of the times and signs of the wavelets: the same seed gives the same record. 0 by default; in a list of
+    excitations each has a seed of its own by default."""
 
     shock: ClassVar[bool] = True
     """True: a free motion follows it."""
@@ -1047,8 +1048,8 @@ SingleExcitation = (
 
 
 def _with_own_seed(index: int, excitation: Any) -> Any:
-    """A random input of a list without a seed, with one that no user can write; other excitations stay as they are."""
-    if index == 0 or not isinstance(excitation, RandomInput) or "seed" in excitation.model_fields_set:
+    """An input of a list that needs a seed and has none, with one that no user can write; others stay as they are."""
+    if index == 0 or not isinstance(excitation, RandomInput | MatchedInput) or "seed" in excitation.model_fields_set:
         return excitation
     return excitation.model_copy(update={"seed": q.LARGEST_SEED + index})
 
@@ -1062,16 +1063,6 @@ class Forces(Input):
     """The excitations: harmonic, multi_tone, step, half_sine, trapezoid, sawtooth, swept_sine, sampled, random or
     matched, each applied to the base in a direction, a point, a line of a beam, an area of a plate, a moving support or
     a moving stop; several motions of the base add up."""
-
-    def check(self) -> None:
-        """Refuse a second record for a spectrum: results show the spectrum of one."""
-        first, *more = [index for index, force in enumerate(self.forces) if force.kind == "matched"] or [0]
-        if more:
-            raise InvalidValueError(
-                f"= matched, as forces[{first}] is: results compare one record with its curve",
-                "write its record to a file first (a run with this input alone), and read it with kind: sampled",
-                ("forces", more[0], "kind"),
-            )
 
     @property
     def items(self) -> list[tuple[Path, Any]]:

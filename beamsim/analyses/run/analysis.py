@@ -34,7 +34,7 @@ from beamsim.analyses.run.motion import (
     steps_in_time,
 )
 from beamsim.analyses.run.result import RunResult
-from beamsim.analyses.run.shock_response import matched_spectrum, shock_response
+from beamsim.analyses.run.shock_response import matched_spectra, shock_response
 from beamsim.analyses.run.spectra import coverage_notes, spectra_of
 from beamsim.analyses.run.stepped_motion import stepped_motion_of
 from beamsim.analyses.run.summary import summary_entries, summary_of_run, values_of_motion
@@ -72,7 +72,7 @@ from beamsim.scenario.run import OrbitStart, Reduction, Run, StressLife
 from beamsim.scenario.units import STANDARD_GRAVITY
 from beamsim.signals.filters import SAMPLES_OF_OSCILLATOR
 from beamsim.system.build import build_system
-from beamsim.system.reduced_model import ActingLoads, SharedBuilds
+from beamsim.system.reduced_model import SharedBuilds
 from beamsim.system.structural import StructuralSystem
 from beamsim.typing import Floats, not_none, of_kind
 
@@ -271,10 +271,9 @@ def _requested_results(
         notes += _shock_response(motion, settings.srs, needed, evaluation, datasets)
     if settings.sensitivities:
         notes += _sensitivities(motion, evaluation, datasets)
-    for path, matched in ActingLoads.of(scenario).base:
-        if isinstance(matched, MatchedInput):
-            datasets["matched"] = matched_spectrum(system, path, matched)
-            notes += _misfit(datasets["matched"])
+    if any(isinstance(each, MatchedInput) for _, each in scenario.excitation.items):
+        datasets["matched"] = matched_spectra(system)
+        notes += _misfit(datasets["matched"])
     fields["datasets"] = result.datasets | datasets
     return fields, notes
 
@@ -338,7 +337,7 @@ def _sensitivities(motion: RunMotion, evaluation: Evaluation, datasets: dict[str
 
 def _misfit(matched: Dataset) -> list[str]:
     """Note if a matched record deviates much from its shock response spectrum."""
-    worst = float(np.abs(matched["misfit_db"]).max())
+    worst = float(np.nanmax(np.abs(matched["misfit_db"].values)))
     if worst <= MISFIT_DB:
         return []
     return [

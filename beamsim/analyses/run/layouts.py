@@ -250,12 +250,14 @@ SRS = Layout(
 )
 MATCHED = Layout(
     "matched",
-    "Shock response spectrum of a base motion that was made for it, during the record and after it.",
+    "Shock response spectra of base motions that were made for them, during the record and after it.",
     {
-        **_OSCILLATOR,
-        "target": Variable(_FREQUENCY, "m/s^2", "required curve"),
-        "reached": Variable(_FREQUENCY, "m/s^2", "maximax spectrum of the record"),
-        "misfit_db": Variable(_FREQUENCY, "dB", "20 log10(reached / target)"),
+        "base_motion": Variable(_BASE, "1", "direction of the motion of the base", str),
+        "quality": Variable(_BASE, "1", "quality factor Q of the oscillators"),
+        "frequency_hz": _OSCILLATOR["frequency_hz"],
+        "target": Variable(_BASE + _FREQUENCY, "m/s^2", "required curve; NaN outside it"),
+        "reached": Variable(_BASE + _FREQUENCY, "m/s^2", "maximax spectrum of the record; NaN outside the curve"),
+        "misfit_db": Variable(_BASE + _FREQUENCY, "dB", "20 log10(reached / target)"),
     },
     optional=True,
 )

@@ -82,14 +82,17 @@ def srs_over_limit(srs: Dataset) -> dict[str, tuple[float, float]]:
 
 
 def misfit_of_matched(matched: Dataset) -> dict[str, float]:
-    """Largest deviations of a matched base motion below and above its curve, and the band."""
-    misfit, frequency = matched["misfit_db"].values, matched["frequency_hz"].values
+    """Largest deviations below and above its curve of the base motion that is furthest from it, and its band."""
+    each = matched.by_label("misfit_db")
+    motion = max(each, key=lambda name: float(np.nanmax(np.abs(each[name].values))))
+    misfit, quality = each[motion].values, matched["quality"].sel(base_motion=motion).item()
+    band = matched["frequency_hz"].values[np.isfinite(misfit)]
     return {
-        "lowest_db": float(misfit.min()),
-        "highest_db": float(misfit.max()),
-        "from_hz": float(frequency[0]),
-        "to_hz": float(frequency[-1]),
-        "quality": float(matched["quality"].item()),
+        "lowest_db": float(np.nanmin(misfit)),
+        "highest_db": float(np.nanmax(misfit)),
+        "from_hz": float(band[0]),
+        "to_hz": float(band[-1]),
+        "quality": float(quality),
     }
 
 
@@ -171,8 +174,8 @@ _SUMMARY = (
              "structure with every snubber always open and always closed", form=dict[str, ByName]),
     Entry("srs", "", "of shock response spectra, by signal: highest point of the maximax spectrum, and where it is",
              form=dict[str, ByName]),
-    Entry("matched", "", "of a matched base motion: how far its shock response spectrum is below and above the curve "
-             "that was asked for, in which band and with which quality factor", form=MISFIT),
+    Entry("matched", "", "of the matched base motion that is furthest from its curve: how far its shock response "
+             "spectrum is below and above it, in which band and with which quality factor", form=MISFIT),
     Entry("spectral_lines", "", "lines of all spectra: probe, quantity and the columns of lines",
              form=list_of(LINE), ranked_by="amplitude_db"),
     Entry("aliased_in_histories", "1", "by place and quantity: share of the root mean square that lies above half the "

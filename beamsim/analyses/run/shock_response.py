@@ -17,7 +17,6 @@ from beamsim.inputs.signal import Signal as Pieces
 from beamsim.labelled import Dataset
 from beamsim.responses.histories import Histories
 from beamsim.results.values import ACCELERATION
-from beamsim.scenario.base import Path
 from beamsim.scenario.body import MovedSupport
 from beamsim.scenario.excitation import MatchedInput
 from beamsim.signals.filters import Signal, geomspaced, shock_spectra, smooth_intervals
@@ -112,20 +111,27 @@ def _driven_inputs(system: StructuralSystem) -> Iterator[tuple[tuple[str, str], 
     yield from (((name, MAIN_QUANTITY), signals) for name, signals in moving.items())
 
 
-def matched_spectrum(system: StructuralSystem, path: Path, excitation: MatchedInput) -> Dataset:
-    """Spectrum of a matched base motion, whose input is at a path of the scenario.
+def matched_spectra(system: StructuralSystem) -> Dataset:
+    """Spectra of the base motions that were made for a curve, with the layout `MATCHED`.
 
-    It is that of the motion in closed form, at twelve points per octave and at the points of the curve.
+    They are those of the motions in closed form, at twelve points per octave and at the points of the curves.
     """
-    at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
-    frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
-    paths = [at for at, _ in system.model.acting_loads.base]
-    base = system.base[paths.index(path)].acceleration
-    peaks = shock_spectra(frequency, excitation.quality, base.start, lambda times: base(times)[:, None], 0.0)
-    target, reached = on_curve(frequency, at, value), peaks[0].max(axis=0)
-    misfit = 20.0 * np.log10(reached / target)
-    known = {"target": target, "reached": reached, "misfit_db": misfit}
-    return MATCHED.dataset({"quality": excitation.quality, "frequency_hz": frequency, **known})
+    names, moving = system.scenario.base_motion_names, zip(system.model.acting_loads.base, system.base, strict=True)
+    found: dict[str, tuple[float, Floats, Floats, Floats]] = {}
+    for name, ((path, excitation), base) in zip(names, moving, strict=True):
+        if isinstance(excitation, MatchedInput):
+            at, value = target_curve(excitation, system.scenario.folder_of(*path, "srs", "file"))
+            frequency = np.union1d(at, geomspaced(at[0], at[-1], 12))
+            signal = partial(_summed, [(1.0, base.acceleration)])
+            peaks = shock_spectra(frequency, excitation.quality, base.acceleration.start, signal, 0.0)
+            found[name] = excitation.quality, frequency, on_curve(frequency, at, value), peaks[0].max(axis=0)
+    every = np.unique(np.concatenate([frequency for _, frequency, _, _ in found.values()]))
+    target, reached = np.full((2, len(found), every.size), np.nan)
+    for k, (_, frequency, *rows) in enumerate(found.values()):
+        target[k, np.searchsorted(every, frequency)], reached[k, np.searchsorted(every, frequency)] = rows
+    qualities = [quality for quality, *_ in found.values()]
+    known = {"target": target, "reached": reached, "misfit_db": 20.0 * np.log10(reached / target)}
+    return MATCHED.dataset({"base_motion": list(found), "quality": qualities, "frequency_hz": every, **known})
 
 
 def _end(signal: Callable[[Floats], Floats], end: float) -> float:
