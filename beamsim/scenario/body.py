@@ -624,6 +624,9 @@ class Body(Schema):
     has_default_probe: ClassVar[bool] = True
     """Whether `default_probe` names a place."""
 
+    keys_of_shape: ClassVar[tuple[str, ...]] = ()
+    """Keys of its items with points and directions, which cannot change one by one."""
+
     is_read_from_files: ClassVar[bool] = False
     """Whether its matrices are read from files."""
 
@@ -719,6 +722,10 @@ class Body(Schema):
         side = self.sides[axis]
         x = side * position.value if isinstance(position, q.Share) else position
         return side if same_position(x, side) else x
+
+    def distance_along(self, member: str, position: float | q.Share) -> float:
+        """Distance along a member of a frame, m; other bodies have no members."""
+        raise NotImplementedError
 
     @overload
     def point(self, position: float | q.Share) -> float: ...

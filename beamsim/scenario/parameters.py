@@ -76,7 +76,12 @@ def value_at(scenario: Whole, place: Path) -> Any:
 
 def in_metres(scenario: Whole, place: Path, value: Any) -> Any:
     """A value for the field at a path; a share of a length is converted to metres."""
-    side = side_at(scenario, place) if isinstance(value, Share) else None
+    if not isinstance(value, Share):
+        return value
+    member, body = getattr(value_at(scenario, place[:-1]), "member", None), body_of(scenario, place)
+    if member is not None and body in scenario.all_bodies:
+        return scenario.all_bodies[body].distance_along(member, value)
+    side = side_at(scenario, place)
     return value if side is None else scenario.all_bodies[side.body].metres(value, side.axis)
 
 

@@ -261,14 +261,17 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
         if body.section is None:
             continue
         base = scenario.body_path(body.name)
-        for path in _numbers(scenario.all_bodies[body.name]):
+        described = scenario.all_bodies[body.name]
+        for path in _numbers(described):
+            if set(path[2:]) & set(described.keys_of_shape):
+                continue
             along = {(*base, *path)}
             if len(path) == 1 and path[0] in body.sides:  # items at the end or edge move with it
                 side, edge = (body.name, body.sides.index(str(path[0]))), value_at(scenario, (*base, *path))
                 along |= {
                     at for at in _numbers(scenario) if side_at(scenario, at) == side and value_at(scenario, at) == edge
                 }
-                segments = getattr(scenario.all_bodies[body.name], "segments", ())
+                segments = getattr(described, "segments", ())
                 along |= {(*base, "segments", i, key) for i, _ in enumerate(segments) for key in ("from", "to")}
             yield (*base, *path), along
     for place, path in zip(contact.item.places, contact.item.place_paths, strict=True):

@@ -557,3 +557,34 @@ def test_a_moved_support_moves_a_frame_as_a_beam():
     for name in ("displacement", "output_value"):
         values = first[name].values
         assert_allclose(second[name].values, values, atol=1e-7 * np.abs(values).max())
+
+
+def test_studies_and_identification_of_a_frame(tmp_path):
+    """Positions on members in metres, coordinates with units, and the stiffness of a stop on a pipe with an elbow."""
+    data = case_of(
+        {"a": [0, 0, 0], "b": [0, 0, 1], "c": [0.2, 0, 1.2], "d": [1, 0, 1.2]},
+        {"riser": {"nodes": ["a", "b"]}, "bend": {"nodes": ["b", "c"], "arc": {"centre": [0.2, 0, 1]}},
+         "arm": {"nodes": ["c", "d"]}},
+        {"a": "clamped"},
+    )  # fmt: skip
+    data["snubbers"] = [{"name": "stop", "at": {"member": "arm", "position": "50 %", "direction": "y"},
+                         "side": "above", "stiffness": 2e4}]  # fmt: skip
+    held = dict(data, springs_to_ground=[{"at": data["snubbers"][0]["at"], "kind": "linear", "stiffness": 3e4}])
+    held = {key: value for key, value in held.items() if key != "snubbers"}
+    closed = frequencies(scenario_of(held), 3).tolist()
+    asked = {"snubber": "stop", "measured_with": closed, "fit_to": [2]}  # the first one is in the other plane
+    case = {key: value for key, value in data.items() if key not in ("run", "outputs", "excitation")}
+    (tmp_path / "identify.yaml").write_text(yaml.safe_dump(case | {"identify_stiffness": asked}))
+    words = ["identify-stiffness", str(tmp_path / "identify.yaml"), "-o", str(tmp_path), "--no-plots"]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    assert re.search(r"stiffness of stop +30(\.0+)? kN/m", answer.output), answer.output
+    vary = {"kind": "zip", "parameters": [
+        {"path": "bodies.frame.nodes.d[0]", "values": ["1 m", "90 cm"]},
+        {"path": "snubbers.stop.at.position", "values": ["0.4 m", "50 %"]},
+    ]}  # fmt: skip
+    data["run"] |= {"convergence": "off"}
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(data | {"vary": vary}))
+    answer = CliRunner().invoke(app, ["sweep", str(tmp_path / "study.yaml"), "-o", str(tmp_path), "--no-plots"])
+    assert answer.exit_code == 0, answer.output
+    assert "2 cases" in answer.output
