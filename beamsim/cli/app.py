@@ -366,13 +366,13 @@ def compare(
     of_tests = {"sweep": sweep, "sweep_after": sweep_after, "line_spacing": line_spacing}
     of_results = {
         "probe": probe, "quantity": quantity, "level": level, "last": last, "curve": curve, "detector": detector,
-        "begin": begin, "harmonics": None if harmonics == 10 else harmonics,
+        "harmonics": None if harmonics == 10 else harmonics,
     }  # fmt: skip
     if measured is None or not is_result(options.case):
         given = {
             "channel": channel, "unit": unit, "axis_unit": axis_unit, "factor": factor, "remove": remove,
             "high_pass": high_pass, "decimal": decimal, "reference": reference,
-            "cycles": None if cycles == 1 else cycles, **of_tests,
+            "begin": begin, "cycles": None if cycles == 1 else cycles, **of_tests,
         }  # fmt: skip
         compare_tests(options, measured, given, refused=of_results)
         return

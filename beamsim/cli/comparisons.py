@@ -132,20 +132,23 @@ def compare_tests(
 SWEEPS = ("sweep", "sweep_after")  # options of two tests; the second is of the test after alone
 
 
-def _sweep(option: str, text: str) -> dict[str, str]:
-    """Section of a sweep from an option: first and last frequency and rate."""
+def _sweep(option: str, text: str, begin: float | None) -> dict[str, Any]:
+    """Section of a sweep from an option: first and last frequency and rate; and its beginning in the record, s."""
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != 3:
         remedy = f"give first and last frequency and rate: {option} '20 Hz, 200 Hz, 2 oct/min'"
         raise ScenarioError.at(option, f"= {text} is no sweep", remedy)
-    return dict(zip(("from", "to", "rate"), parts, strict=True))
+    return {**dict(zip(("from", "to", "rate"), parts, strict=True)), "begin": begin}
 
 
 def _scenario_of_files(options: CommandOptions, measured: Path, record_options: Mapping[str, Any]) -> Scenario:
     """Scenario of two files and options."""
     keys = {name: value for name, value in record_options.items() if value is not None}
     channels = keys.pop("channel", ())
-    sweeps = {name: _sweep(f"--{name.replace('_', '-')}", keys.pop(name)) for name in SWEEPS if name in keys}
+    begin = keys.pop("begin", None)
+    sweeps = {name: _sweep(f"--{name.replace('_', '-')}", keys.pop(name), begin) for name in SWEEPS if name in keys}
+    if begin is not None and not sweeps:
+        raise ScenarioError.at("--begin", "belongs to a sine sweep", "give --sweep, or leave it out")
     before, after = ({"file": str(path.absolute()), **keys} for path in (options.case, measured))
     if sweeps:
         before["sweep"], after["sweep"] = sweeps.get("sweep"), sweeps.get("sweep_after", sweeps.get("sweep"))

@@ -36,6 +36,7 @@ DEFAULT_LIMITS = {"frequency_shift": 0.05, "amplitude_shift": 0.20}
 MOST_CANDIDATES = 24  # peaks of a response, of which those that stand out of the noise are resonances
 NOISE_DEVIATIONS = 8.0  # standard deviations by which a peak stands out of thousands of noisy values
 CONFIDENCE = 2.0  # standard deviations of the noise that the resolution contains
+LEAST_LEVEL = 1e-3  # of the highest peak: lower ones are beyond the dynamic range of tests
 LEAST_SHARE = 0.1  # of the highest peak: lower ones that have no partner are left out
 FEWEST_OF_FIT = 10  # values within a half-power band from which its noise is estimated
 
@@ -126,6 +127,8 @@ def resonances_of(response: TestResponse) -> list[Resonance]:
         noise = _relative_noise(response, peak, logarithm, scatter)
         if peak.prominence >= max(LEAST_PROMINENCE, np.exp(NOISE_DEVIATIONS * noise)):
             found.append((peak, noise))
+    least = LEAST_LEVEL * max((peak.level for peak, _ in found), default=0.0)
+    found = [(peak, noise) for peak, noise in found if peak.level >= least]
     beats = [peak for peak, _ in found if any(_is_beat(response, peak, other) for other, _ in found)]
     return [_resonance(response, peak, noise) for peak, noise in found if peak not in beats]
 

@@ -118,7 +118,10 @@ def _common_channels(
     """Channels with the same name in both files, or the only ones."""
     named = []
     for (_, signals), record in zip(files, records, strict=True):
-        usable = [each for each in signals if each.function in USABLE]
+        usable = [each for each in signals if each.function in USABLE and each.unit.lower() != "db"]
+        histories = [each for each in usable if not each.is_over_frequency]
+        of_histories = record.line_spacing is not None or record.reference is not None
+        usable = (histories if of_histories else [each for each in usable if each.is_over_frequency]) or usable
         of = {plain_name(each.name): each.name for each in usable if not _is_named(each, record.reference)}
         named.append(of)
     before, after = named
@@ -167,6 +170,8 @@ def response_of(
         If it is of a function type without resonances, or a time history without sweep and line spacing.
     """
     signal = signal.require(USABLE, "a comparison of resonances")
+    if signal.unit.lower() == "db":
+        raise InputFileError(f"has levels in dB in {signal.name}", "export amplitudes, or choose another channel")
     if signal.is_over_frequency:
         return _given_response(signal, record)
     if record.sweep is None and record.line_spacing is None:
