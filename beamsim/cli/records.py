@@ -31,17 +31,17 @@ def describe_record(path: Path, *, json: bool) -> None:
         If the file cannot be read.
     """
     try:
-        channels = [_about(signal) for signal in read_file(path)]
+        channels = [channel_properties(signal) for signal in read_file(path)]
     except InputFileError as fault:
         raise measurement_error(f"{path} {fault.message}", fault.remedy) from None
     if json:
         print_json({"kind": "record", "channels": channels})
         return
     count = f"{len(channels)} channel{'s' if len(channels) != 1 else ''}"
-    print_table(f"{path}: {count}", [(about["name"], _text(about)) for about in channels])
+    print_table(f"{path}: {count}", [(about["name"], _channel_text(about)) for about in channels])
 
 
-def _about(signal: MeasuredSignal) -> dict[str, Any]:
+def channel_properties(signal: MeasuredSignal) -> dict[str, Any]:
     """What a file states about a channel; an axis itself has none."""
     about: dict[str, Any] = {"name": signal.name, "unit": signal.unit_text, "samples": signal.y.size}
     about |= {"missing": int(np.count_nonzero(~np.isfinite(signal.y))), "scaling": list(signal.scaling)}
@@ -56,7 +56,7 @@ def _about(signal: MeasuredSignal) -> dict[str, Any]:
     return about | {"fault": None if signal.fault is None else signal.fault[0]}
 
 
-def _text(about: dict[str, Any]) -> str:
+def _channel_text(about: dict[str, Any]) -> str:
     """A channel in words."""
     words = [about["unit"] or "no unit", f"{about['samples']} samples"]
     if "axis" in about:

@@ -163,11 +163,16 @@ SHEAR = (
     "A body of kind beam has no shear deformation and no rotary inertia; bricks have both. With Timoshenko members of "
     "a frame in its place the difference is 0.1 %."
 )
+MESH = (
+    "The mesh of CalculiX: from 8 x 5 to 14 x 8 elements all of its values approach those of beamsim, by 0.4 to 0.8 %; "
+    "its frequencies with 14 x 8 elements are up to 0.5 % above those with 28 x 16."
+)
 CASES = (
     ("Frequencies of a cantilever", beam, SHEAR),
     ("Frequencies of a plate", plate, ""),
     ("Frequencies of a portal frame", frame, ""),
     ("A cantilever that meets a stop", beam_on_a_stop, ""),
+    ("A plate that meets two stops", plate_on_two_stops, MESH),
 )
 
 
