@@ -29,6 +29,10 @@ _BYTES_OF_SAMPLE = 40  # of memory: as stored, as a number, and its time
 _BYTES_OF_CELL = 120  # of memory, of a text table as lists of numbers
 _NO_START = np.datetime64("1904-01-02")  # LabVIEW counts from 1904: an earlier start is none
 _LVM = "LabVIEW Measurement"
+_SPELLED = {
+    "newtons": "N", "pounds": "lbf", "meters": "m", "inches": "in", "pascals": "Pa", "degrees": "deg", "radians": "rad",
+}  # fmt: skip
+"""Units as LabVIEW spells those of its channels."""
 
 
 def read_tdms(path: Path) -> list[MeasuredSignal]:
@@ -61,7 +65,7 @@ def read_tdms(path: Path) -> list[MeasuredSignal]:
 def _tdms_array(channel: Any, first: np.datetime64 | None) -> Array:
     """The values of a channel; times of day are counted in s from the first one."""
     given, values = channel.properties, np.asarray(channel[:])
-    unit = label_unit(str(given.get("unit_string") or given.get("NI_UnitDescription") or ""))
+    unit = _unit(str(given.get("unit_string") or given.get("NI_UnitDescription") or ""))
     if values.dtype.kind == "M":
         values, unit = (values - values[:1]) / np.timedelta64(1, "s"), "s"
     step, start = _number(given.get("wf_increment")), _start(given)
@@ -133,7 +137,7 @@ def _lvm_channels(segment: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
             raise InputFileError(message, "it ends too early: export it again")
         if count > 0 and np.all(np.isnan(values[int(count) :])):  # below a channel that is shorter than others
             values = values[: int(count)]
-        yield name, Array(values, label_unit(about.get("Y_Unit_Label", "")), axis=_lvm_axis(about, times, len(values)))
+        yield name, Array(values, _unit(about.get("Y_Unit_Label", "")), axis=_lvm_axis(about, times, len(values)))
 
 
 def _lvm_axis(about: Mapping[str, Any], times: Floats | None, count: int) -> Axis | None:
@@ -204,6 +208,12 @@ def signals_by_group(arrays: Sequence[tuple[tuple[str, str], Array]], path: Path
         place += f" ({number})" if place in by_place else ""
         by_place[place], labels[place] = array, f"{group} {name}".strip() if several[name] > 1 else name
     return [signal_of(place, label, by_place, path) for place, label in labels.items()]
+
+
+def _unit(label: str) -> str:
+    """The unit of a label of LabVIEW; empty where it says none."""
+    unit = label_unit(label)
+    return _SPELLED.get(unit.lower(), unit)
 
 
 def _usual_unit(axis: str) -> str:

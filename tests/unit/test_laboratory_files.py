@@ -16,6 +16,8 @@ import beamsim
 from beamsim.errors import BeamsimError, InputFileError, ScenarioError
 from beamsim.measurements.channels import channel_named, read_signals
 from beamsim.measurements.read import read_file
+from beamsim.measurements.signal import in_si
+from beamsim.scenario.units import FORCE, LENGTH
 from tests.helpers.commands import invoke
 
 pytestmark = pytest.mark.portable
@@ -171,6 +173,14 @@ def test_lvm_in_its_layouts(x_columns, decimal, tmp_path):
     np.testing.assert_allclose(found["acc"].x, TIME, atol=1e-6)
     np.testing.assert_allclose(found["acc"].y, ACCELERATION, atol=1e-6)
     np.testing.assert_allclose(found["way"].y, ACCELERATION[:50] / 8, atol=1e-6)
+
+
+def test_units_that_labview_spells_out(tmp_path):
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm_text({"cell": ("Newtons", ACCELERATION), "way": ("Inches", ACCELERATION)}))
+    found = {signal.name: signal for signal in read_signals(path)}
+    assert in_si(found["cell"], None, FORCE, "unit").y == pytest.approx(ACCELERATION)
+    assert in_si(found["way"], None, LENGTH, "unit").y == pytest.approx(0.0254 * ACCELERATION)
 
 
 def test_lvm_has_a_record_for_each_segment_and_each_header(tmp_path):
