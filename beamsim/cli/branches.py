@@ -63,14 +63,13 @@ def _special_curve_lines(result: ContinuationResult) -> Iterator[str]:
         over = extent(curve["smallest_parameter"], curve["largest_parameter"], unit)
         touching = f" ({curve['touching']} just touches)" if curve["touching"] else ""
         yield f"{special_name(curve['kind'])}s in {s['second_parameter']}: {over}, at {where}{touching}"
-    events = [
-        f"{curve_event_name(event['kind'])} at {amount(event['parameter'], unit)}, {event['frequency_hz']:.6g} Hz"
-        for curve in curves
-        for event in curve["events"]
-    ]
-    if events:
-        more = f"; {len(events) - MOST_ROWS} more" if len(events) > MOST_ROWS else ""
-        yield from textwrap.wrap(f"on these curves: {'; '.join(events[:MOST_ROWS])}{more}", WIDTH)
+    events = [event for curve in curves for event in curve["events"]]
+    events.sort(key=lambda event: event["kind"] == "extremum")  # the commonest ones last
+    for event in events[:MOST_ROWS]:
+        place = f"{amount(event['parameter'], unit)}, {event['frequency_hz']:.6g} Hz"
+        yield f"{curve_event_name(event['kind'])} at {place}"
+    if len(events) > MOST_ROWS:
+        yield f"{count_text(len(events) - MOST_ROWS, 'more special point')} of these curves in the file"
 
 
 def _orders_text(orders: Sequence[float | None]) -> str:

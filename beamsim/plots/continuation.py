@@ -27,7 +27,7 @@ from beamsim.plots.drawing import (
     marks_curve,
     over_frequencies,
 )
-from beamsim.plots.style import level_text, scale_for
+from beamsim.plots.style import amount, level_text, scale_for
 from beamsim.results.branch import harmonics_of
 from beamsim.results.values import DISPLACEMENT, OUTPUT, Value, peaks_in
 from beamsim.typing import Floats
@@ -154,6 +154,21 @@ def special_curves(result: ContinuationResult) -> Chart:
     return Chart(("Excitation frequency", HERTZ), y_axis, [*drawn, *marks], curve_noun="")
 
 
+def isolas(result: ContinuationResult, probe: str) -> Chart:
+    """Largest displacements of a probe along isolas, each at its own value of the second parameter."""
+    followed, unit = result.summary["second_parameter"], result.second_unit
+    drawn = [
+        Curve(
+            f"{followed} {amount(curve['parameter'].values[0], unit)}",
+            curve["frequency_hz"].values,
+            curve["peak_displacement"].sel(probe=probe).values,
+        )
+        for curve in result.special_curves
+        if curve["kind"].item() == "isola" and curve["parameter"].values.size
+    ]
+    return Chart(("Excitation frequency", HERTZ), (f"Displacement of {probe}", "m"), drawn[:MOST_CURVES], curve_noun="")
+
+
 def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
     """Responses of probes, other values of sweeps, outputs, harmonics of the first probe, special curves; by name."""
     names = {DISPLACEMENT: "response", OUTPUT.key: "output"}
@@ -168,6 +183,8 @@ def continuation_figures(result: ContinuationResult) -> dict[str, Picture]:
         charts[f"harmonics_{name}"] = harmonics(result, name)
     if any(c["parameter"].values.size for c in result.special_curves):
         charts["special_curves"] = special_curves(result)
+    if "isola" in [c["kind"].item() for c in result.special_curves]:
+        charts |= {f"isolas_{name}": isolas(result, name) for name in result["points"].labels("probe")[:1]}
     if "multiple_scales" in result.datasets:
         from beamsim.plots.multiple_scales import forced_expansion
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time as clock
+from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
@@ -445,7 +446,25 @@ def _of_continuation(result: ContinuationResult) -> Values:
     for value, name, largest, _ in largest_in([result["points"]], "parameter", "stable"):
         entries.setdefault(value.entry, {})[name] = largest / value.scale
     frequency = {name: float(p["frequency_hz"]) for name, p in zip(names, peaks, strict=True)}
-    return comparable_values(entries | ({"peak_frequency_hz": frequency} if frequency else {})) | _frequencies(result)
+    entries |= ({"peak_frequency_hz": frequency} if frequency else {}) | _of_special_curves(result)
+    return comparable_values(entries) | _frequencies(result)
+
+
+def _of_special_curves(result: ContinuationResult) -> dict[str, dict[str, float]]:
+    """Frequencies and second parameters of curves of special points and of their own special points, by kind."""
+    hz, parameter, counts = dict[str, float](), dict[str, float](), Counter[str]()
+    for curve in result.summary.get("special_curves", ()):
+        if not curve["points"]:
+            continue
+        counts[curve["kind"]] += 1
+        name, of_events = f"{curve['kind']} {counts[curve['kind']]}", Counter[str]()
+        hz |= {f"{name} {end}": float(curve[f"{end}_hz"]) for end in ("start", "smallest", "largest")}
+        for event in curve["events"]:
+            of_events[event["kind"]] += 1
+            place = f"{name} {event['kind']} {of_events[event['kind']]}"
+            hz[place], parameter[place] = float(event["frequency_hz"]), float(event["parameter"])
+    entries = {"special_curve_hz": hz, "special_curve_parameter": parameter}
+    return {entry: values for entry, values in entries.items() if values}
 
 
 def _of_static(result: StaticResult) -> Values:

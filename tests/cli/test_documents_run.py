@@ -18,6 +18,7 @@ RUN, MODE = ("run", "configs/one_sided_65hz.yaml"), ("nnm", "configs/nnm_first.y
 SWEEP = words_of("sweep", config_path("sweep_one_sided_2g"))
 GIVEN = {  # by document what its readers have already: result files, each with its command, and names
     "docs/before_after.md": ({}, {}),
+    "docs/curves_of_special_points.md": ({}, {}),
     "docs/from_arrays.md": ({}, {}),
     "docs/measurements.md": ({}, {}),
     "docs/nonlinear_modes.md": ({}, {}),

@@ -25,6 +25,10 @@ QUOTED = {  # by document and beginning of the first line the commands whose out
     ("docs/sensitivities.md", "peak force of tip: "): ["run configs/studies/sensitivities.yaml"],
     ("docs/shock.md", "base motion: spectrum"): ["run configs/loads/shock_matched.yaml"],
     ("docs/base_motion.md", "A bracket whose foot moves"): ["run configs/loads/base_in_all_axes.yaml"],
+    ("docs/curves_of_special_points.md", "Two masses and a stop, special"): [
+        "sweep configs/continuation/special_points.yaml"
+    ],
+    ("docs/curves_of_special_points.md", "Oscillator with a stop, an isola"): ["sweep configs/continuation/isola.yaml"],
     ("docs/coexisting.md", "                  share of starts"): ["sweep configs/continuation/coexisting_motions.yaml"],
     ("docs/optimisation.md", "Snubber to be chosen"): ["sweep configs/optimise_snubber.yaml"],
     ("docs/reliability.md", "Force of a stop beyond"): ["sweep configs/studies/exceedance.yaml"],

@@ -188,21 +188,30 @@ def _value_in_scenario(model: ResponseModel, level: float) -> float:
     return float(contacts.gap[index]) if second.kind == "gap" else contacts.laws[index].stiffness
 
 
-def _passed_at(half: OrbitBranch, value: float) -> Iterator[tuple[float, float]]:
-    """Frequencies, Hz, at which one direction of a curve passes a value of the second parameter, with their errors."""
+def _at_value(half: OrbitBranch, value: float) -> Iterator[BranchPoint]:
+    """Points of one direction of a curve at a value of the second parameter's unknown."""
     for a, b in pairwise(half.points):
-        low, high = (float(point.u[-2]) / (2 * np.pi) for point in (a, b))
         if a.parameter == value:
-            yield low, SAME * low
+            yield a
         elif (a.parameter - value) * (b.parameter - value) < 0.0:
-            exact = None
             with suppress(ArithmeticError, np.linalg.LinAlgError):
-                exact = BranchStep(half.problem, a, b, SETTINGS).at_parameter(value)
-            if exact is not None:
-                yield float(exact.u[-2]) / (2 * np.pi), SAME * low
-            else:
-                share = (value - a.parameter) / (b.parameter - a.parameter)
-                yield low + share * (high - low), SAME * low + OF_STEP * abs(high - low)
+                point = BranchStep(half.problem, a, b, SETTINGS).locate(lambda point: point.parameter - value)
+                if point is not None:
+                    yield point
+
+
+def _passes(half: OrbitBranch, value: float) -> Iterator[tuple[float, float]]:
+    """Frequencies, Hz, at a value of the second parameter's unknown, with their errors; from the chord if need be."""
+    for a, b in pairwise(half.points):
+        if (a.parameter - value) * (b.parameter - value) > 0.0:
+            continue
+        exact = next(_at_value(replace(half, points=(a, b)), value), None)
+        low, high = (float(point.u[-2]) / (2 * np.pi) for point in (a, b))
+        if exact is not None:
+            yield float(exact.u[-2]) / (2 * np.pi), SAME * low
+        elif a.parameter != b.parameter:
+            share = (value - a.parameter) / (b.parameter - a.parameter)
+            yield low + share * (high - low), SAME * low + OF_STEP * abs(high - low)
 
 
 def _curves(
@@ -230,7 +239,8 @@ def _curves(
         (event.kind, float(event.point.u[-2]) / (2 * np.pi), float(second.from_unknown(event.point.parameter)))
         for event in events
     ]
-    passes = tuple(place for half, _ in halves for place in _passed_at(half, second.to_unknown(present)))
+    own = second.to_unknown(present)
+    passes = tuple(place for half, _ in halves for place in _passes(half, own))
     yield replace(curve, events=tuple(places), passes_hz=passes)
     if not model.settings.follow_isolas:
         return
@@ -397,16 +407,13 @@ def _isola(
     turns = [k for k in range(1, number) if half.points[k].tangent[-1] * half.points[k - 1].tangent[-1] < 0.0]
     before, born = half.points[max(turns, default=0)].parameter, event.point.parameter
     value, omega = born + INTO_ISOLA * (before - born), start.point.parameter
-    fold = None
-    for a, b in pairwise(half.points[: number + 1]):
-        if (a.parameter - value) * (b.parameter - value) <= 0.0 and a.parameter != b.parameter:
-            with suppress(ArithmeticError, np.linalg.LinAlgError):
-                fold = BranchStep(half.problem, a, b, SETTINGS).at_parameter(value)
-    if fold is None:
-        return
-    problem = ForcedOrbits(half.problem.flow_at(fold.u)[0], multiple=start.orbits.multiple)
-    first = correct_across(problem, fold.u[:-1], Settings(iterations=15))
+    *_, fold = None, *_at_value(replace(half, points=half.points[: number + 1]), value)
+    first = None
+    if fold is not None:
+        problem = ForcedOrbits(half.problem.flow_at(fold.u)[0], multiple=start.orbits.multiple)
+        first = correct_across(problem, fold.u[:-1], Settings(iterations=15))
     if first is None:
+        yield _measured(model, start, OrbitBranch(None, (), TOO_CLOSE), level, TOO_CLOSE, isola_at=value)
         return
     reach = omega / LARGEST_FREQUENCY_RATIO, omega * LARGEST_FREQUENCY_RATIO
     followed = walk(Branch(problem, first, *reach, ISOLA_SETTINGS), budget, lambda _: None, with_special=False)

@@ -149,6 +149,40 @@ def _special_curves(facts, found):
     yield "no such curve of folds is in the summary"
 
 
+@rule("line", r"isola at the (\S+) of (.*): (.*)")
+def _isola(facts, found):
+    for curve in facts.summary["special_curves"]:
+        of = curve["smallest_parameter"] if curve["kind"] == "isola" else np.nan
+        unit = {"level": level_unit(facts)}.get(found[1], PARAMETER_UNITS.get(found[1], "1"))
+        if not [
+            *differs(facts, found[2], of, unit),
+            *extent(facts, found[3], curve["smallest_hz"], curve["largest_hz"], "Hz"),
+        ]:
+            return
+    yield "no such isola is in the summary"
+
+
+@rule(
+    "line",
+    r"(?:birth of an isola|joining branches|cusp|extreme of the second parameter|\d:\d resonance) at (.*), (.*)",
+)
+def _event_of_curves(facts, found):
+    events = [event for curve in facts.summary["special_curves"] for event in curve["events"]]
+    unit = {"level": level_unit(facts)}.get(kind := facts.summary["second_parameter"], PARAMETER_UNITS.get(kind, "1"))
+    if all(
+        [*differs(facts, found[1], event["parameter"], unit), *differs(facts, found[2], event["frequency_hz"], "Hz")]
+        for event in events
+    ):
+        yield "no curve has such a special point"
+
+
+@rule("line", r"(\d+) more special points? of these curves in the file")
+def _more_events_of_curves(facts, found):
+    events = [event for curve in facts.summary["special_curves"] for event in curve["events"]]
+    if int(found[1]) >= len(events):
+        yield f"the curves have {len(events)} special points"
+
+
 @rule("line", r"peak of (.*?) at (.*)")
 def _peak_of_output(facts, found):
     name = max((name for name in facts.summary["peak_output"] if found[1].startswith(f"{name} ")), key=len)
