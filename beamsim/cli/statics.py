@@ -19,7 +19,7 @@ def static_screen(result: StaticResult) -> Screen:
     """Stops with force, gap and deflection, probes, supports with their reactions; natural frequencies and limits."""
     errors, equilibrium = Errors(result), result["equilibrium"]
     limits = limits_by_place(result) if result.summary.get("margins") else {}
-    rows = [*_stops(result, errors), *_probes(result, errors), *_supports(result, errors)]
+    rows = [*_stops(result, errors), *_rings(result, errors), *_probes(result, errors), *_supports(result, errors)]
     rows = [dict.fromkeys(_HEADINGS, "") | row | {"limit": "; ".join(limits.get(row[""], ()))} for row in rows]
     shown = [*rows[:MOST_ROWS], *more_rows(len(rows))]
     names = [row[""] for row in rows[:MOST_ROWS]]
@@ -50,6 +50,14 @@ def _stops(result: StaticResult, errors: Errors) -> Iterator[dict[str, str]]:
             "gap left": "" if row["touches"] else errors.number(row["gap_left"], way, gap, name),
             "deflection": amount(row["snubber_displacement"], way),
         }
+
+
+def _rings(result: StaticResult, errors: Errors) -> Iterator[dict[str, str]]:
+    """Rows of the rings."""
+    for name, force in result.summary.get("peak_ring_force_n", {}).items():
+        touches = force > 0.0
+        number = errors.number(force, "N", "peak_ring_force_n", name) if touches else ""
+        yield {"": name, "stop": "touches" if touches else "open", "force": number}
 
 
 def _probes(result: StaticResult, errors: Errors) -> Iterator[dict[str, str]]:

@@ -207,3 +207,18 @@ def test_a_cubic_spring_stiffens_with_the_weight():
     x = max(np.roots([1e7, 0.0, 1e3, -GRAVITY]).real)
     assert s["max_displacement_m"]["m"] == pytest.approx(-x, rel=1e-9)
     assert s["stuck_frequencies_hz"][0] == pytest.approx(np.sqrt(1e3 + 3e7 * x**2) / (2 * np.pi), rel=1e-9)
+
+
+def test_a_disc_rests_in_a_ring():
+    """The ring carries what the springs leave; its law is within 2 % of the force at the end of its range."""
+    load = np.array([-8.0, -30.0])
+    forces = [{"row": name, "force": force} for name, force in zip("yz", load.tolist(), strict=True)]
+    case = beamsim.load_scenario(
+        config_path("ring_whirl"), {"excitation": None, "run": None, "constant_forces": forces}
+    )
+    s = beamsim.static(case).summary
+    q = np.array([s["min_displacement_m"][name] for name in ("y", "z")])
+    carried = load - np.array([2e4, 3e4]) * q
+    # the force is the largest of those along its sides
+    assert s["peak_ring_force_n"]["retainer"] == pytest.approx(np.linalg.norm(carried), rel=2e-3)
+    assert np.linalg.norm(carried) == pytest.approx(1e6 * (np.linalg.norm(q) - 4e-4), abs=0.02 * 1e6 * 1e-4)

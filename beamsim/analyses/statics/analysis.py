@@ -36,6 +36,7 @@ from beamsim.system.structural import FORCE_UNITS, RELAXED_FREQUENCY, Structural
 from beamsim.typing import Floats
 
 _ROUND_OFF = 1e-9  # of a deflection over the compression of stops
+_WAY_ROUND_OFF = 1e-13  # of a displacement over the largest one
 _FORCE_ROUND_OFF = 1e-7  # of a force over the largest load or contact force; stiff springs of joints lose digits
 _RIGID = 1e-7  # of the highest frequency; with rigid friction, a frequency below it is that of a rigid-body motion
 FRICTION_AT_REST = (
@@ -80,6 +81,8 @@ class _AtRest:
         value = channels.values((channels.rows @ self.row_values)[None])[0]
         forces = np.repeat([c.unit in ("N", "N m") for c in channels.channels], [c.columns for c in channels.channels])
         value[forces & (np.abs(value) <= self.negligible_force)] = 0.0
+        ways = np.repeat([c.unit == "m" for c in channels.channels], [c.columns for c in channels.channels])
+        value[ways & (np.abs(value) <= _WAY_ROUND_OFF * np.abs(value[ways]).max(initial=0.0))] = 0.0
         return np.array([value, 0.0 * value, value, 0.0 * value])
 
     @cached_property

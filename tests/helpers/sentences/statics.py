@@ -17,6 +17,9 @@ def _state(facts, found, name, text):
     if text == "support":
         if not {name, f"{name} moment"} & set(facts.labels("equilibrium/support")):
             yield "no support is called that"
+    elif name in facts.summary.get("peak_ring_force_n", ()):
+        if (facts.summary["peak_ring_force_n"][name] > 0.0) != (text == "touches"):
+            yield "its force says otherwise"
     elif (of_snubber(facts, "force", name) > 0.0) != (text == "touches"):
         yield f"its force is {of_snubber(facts, 'force', name):.6g}"
 
@@ -27,6 +30,8 @@ def _force(facts, found, name, text):
         "force": (("reaction_n", "N"), ("peak_force_n", "N")),
         "moment": (("reaction_moment_n_m", "N m"), ("peak_moment_n_m", "N m")),
     }[found[1]]
+    if name in facts.summary.get("peak_ring_force_n", ()):
+        of_stops = "peak_ring_force_n", "N"
     entry, unit = of_supports if name in facts.summary.get(of_supports[0], ()) else of_stops
     yield from cell(facts, text, facts.summary[entry][name], unit, (entry, name))
 
