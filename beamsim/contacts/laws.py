@@ -24,6 +24,8 @@ stored energy at an event is dissipated. A new kind of law is a new list of phas
   force;
 * friction with a *normal contact*: its guards, dissipative force and spring extension are proportional to the normal
   force, and each phase names the phase that follows when the normal contact opens or closes;
+* *partial dashpots*: phases in which the dashpot acts, is limited to the spring's force (a dissipative force that is
+  linear in the penetration), or is absent; guards are the penetration rate and differences of forces;
 * a *latch*: a phase without guards, which never ends;
 * *kinematic hardening* (same module): an elastic phase, and a phase of yielding in each direction, whose resets set the
   slider when yielding ends;
@@ -469,6 +471,74 @@ def latch(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
         static=(OneSidedSpring(1.0, stiffness, dashpot, 0.0),),
         stiffness=stiffness,
         dashpot=dashpot,
+    )
+
+
+@lru_cache(maxsize=1024)
+def limited_damping(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
+    """A spring and a dashpot whose force is at most that of the spring, so that the sum is within 0 and ``2 k delta``.
+
+    The force is continuous at touch and never pulls: ``N = k delta + max(-k delta, min(c delta', k delta))``. It is the
+    law of ``ElastoGap`` in the Modelica standard library.
+
+    Examples
+    --------
+    >>> [(phase.name, phase.dissipative_force.penetration) for phase in limited_damping(1e5, 10.0).phases]
+    [('open', 0.0), ('approaching', 100000.0), ('damped', 0.0), ('departing', -100000.0)]
+    """
+    undamped = replace(kelvin_voigt(stiffness), rebuild=limited_damping)
+    if dashpot == 0.0:
+        return undamped
+    k, springs = stiffness, (LawSpring(stiffness, PENETRATION_ROW),)
+    approaching, damped, departing = 1, 2, 3
+    phases = (
+        Phase("open", (Guard(approaching, LawRow(-1.0)),), closed=False),
+        Phase(
+            "approaching", (Guard(damped, LawRow(-k, dashpot)),), True, springs, LawRow(penetration=k)
+        ),
+        Phase(
+            "damped",
+            (Guard(approaching, LawRow(k, -dashpot)), Guard(departing, LawRow(k, dashpot))),
+            True, springs, LawRow(rate=dashpot),
+        ),
+        Phase(
+            "departing", (Guard(0, PENETRATION_ROW), Guard(damped, LawRow(-k, -dashpot))), True, springs,
+            LawRow(penetration=-k),
+        ),
+    )  # fmt: skip
+    return ContactLaw(
+        phases,
+        static=(OneSidedSpring(1.0, stiffness, dashpot, 0.0),),
+        stiffness=stiffness,
+        dashpot=dashpot,
+        undamped_law=undamped,
+    )
+
+
+@lru_cache(maxsize=1024)
+def damping_on_approach(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
+    """A spring, and a dashpot that acts only while the penetration grows: ``N = k delta + c max(delta', 0)``.
+
+    Examples
+    --------
+    >>> [(phase.name, phase.dissipative_force.rate) for phase in damping_on_approach(1e5, 10.0).phases]
+    [('open', 0.0), ('approaching', 10.0), ('departing', 0.0)]
+    """
+    undamped = replace(kelvin_voigt(stiffness), rebuild=damping_on_approach)
+    if dashpot == 0.0:
+        return undamped
+    springs, approaching, departing = (LawSpring(stiffness, PENETRATION_ROW),), 1, 2
+    phases = (
+        Phase("open", (Guard(approaching, LawRow(-1.0)),), closed=False),
+        Phase("approaching", (Guard(departing, LawRow(rate=1.0)),), True, springs, LawRow(rate=dashpot)),
+        Phase("departing", (Guard(0, PENETRATION_ROW), Guard(approaching, LawRow(rate=-1.0))), True, springs),
+    )
+    return ContactLaw(
+        phases,
+        static=(OneSidedSpring(1.0, stiffness, dashpot, 0.0),),
+        stiffness=stiffness,
+        dashpot=dashpot,
+        undamped_law=undamped,
     )
 
 

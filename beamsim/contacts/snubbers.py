@@ -23,7 +23,15 @@ import numpy as np
 
 from beamsim.contacts.contacts import Contacts
 from beamsim.contacts.equilibrium import CubicSprings, Equilibrium, Springs, find_equilibrium
-from beamsim.contacts.laws import ContactLaw, OneSidedSpring, kelvin_voigt, latch, piecewise_linear
+from beamsim.contacts.laws import (
+    ContactLaw,
+    OneSidedSpring,
+    damping_on_approach,
+    kelvin_voigt,
+    latch,
+    limited_damping,
+    piecewise_linear,
+)
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law, relaxing_law, table_law
 from beamsim.contacts.sliders import (
     falling_friction_law,
@@ -217,7 +225,10 @@ def spring_contacts(springs: Sequence[SpringInfo], size: int) -> Contacts:
     )
 
 
-LAWS = {"kelvin_voigt": kelvin_voigt, "no_tension": no_tension}  # by their names in a scenario
+LAWS = {  # by their names in a scenario
+    "kelvin_voigt": kelvin_voigt, "no_tension": no_tension, "limited_damping": limited_damping,
+    "damping_on_approach": damping_on_approach,
+}  # fmt: skip
 
 
 def dashpot_from_ratio(ratio: float, stiffness: float, omega: Floats, shape: Floats, rigid_count: int) -> float:

@@ -385,6 +385,9 @@ class Unloading(Schema):
     recover: it stays crushed by the deflection at which the unloading force reaches zero."""
 
 
+StopLaw = Literal["kelvin_voigt", "no_tension", "limited_damping", "damping_on_approach"]
+
+
 class SnubberBase(Named):
     """Common part of all snubbers; by default N = k delta + c delta' while in contact."""
 
@@ -408,9 +411,10 @@ class SnubberBase(Named):
     """Clearance: positive is play, negative is prestress; 0 by default."""
     preload: q.PositiveForce | None = None
     """Contact force at static equilibrium, instead of gap."""
-    law_: Literal["kelvin_voigt", "no_tension"] | None = Field(default=None, alias="law")
-    """kelvin_voigt: in contact while there is penetration; no_tension: in contact until the force would become tensile.
-    kelvin_voigt by default, no_tension with Maxwell branches."""
+    law_: StopLaw | None = Field(default=None, alias="law")
+    """kelvin_voigt: in contact while there is penetration; no_tension: in contact until the force would become tensile;
+    limited_damping: the force of the dashpot is at most that of the spring; damping_on_approach: the dashpot acts only
+    while the penetration grows. kelvin_voigt by default, no_tension with Maxwell branches."""
     latch: bool = False
     """If true, the stop locks permanently at its first contact and then resists in both directions."""
 
@@ -421,6 +425,8 @@ class SnubberBase(Named):
             self._check_force()
         if self.hardening is not None or self.unloading is not None:
             self._check_yielding()
+        if self.limits_dashpot:
+            self._check_dashpot()
         if self.maxwell:
             self._check_relaxing()
         if self.latch:
@@ -428,6 +434,20 @@ class SnubberBase(Named):
         if self.preload is not None:
             gap = self.key_of("gap_")
             self.exclude("preload", gap, remedy=f"keep one of the two; the {gap} follows from the preload")
+
+    def _check_dashpot(self) -> None:
+        if self.damping is None:
+            raise InvalidValueError(
+                "is missing",
+                f"law: {self.law} says how the dashpot acts: give damping, or leave the law out",
+                ("damping",),
+            )
+        used = [key for key in ("force_deflection", "maxwell", "hardening", "unloading", "latch") if getattr(self, key)]
+        if used:
+            raise InvalidValueError(
+                f"= {self.law} does not go with {self.key_of(used[0])}",
+                "this law has a stiffness and damping only: leave one of the two out", ("law",),
+            )  # fmt: skip
 
     def _check_relaxing(self) -> None:
         if self.law != "no_tension":
@@ -494,9 +514,14 @@ class SnubberBase(Named):
         return None if self.preload is not None else self.gap_ or 0.0
 
     @property
-    def law(self) -> Literal["kelvin_voigt", "no_tension"]:
-        """The condition that ends contact."""
+    def law(self) -> StopLaw:
+        """How the dashpot acts, and the condition that ends contact."""
         return self.law_ or ("no_tension" if self.maxwell else "kelvin_voigt")
+
+    @property
+    def limits_dashpot(self) -> bool:
+        """Whether the dashpot acts in part only."""
+        return self.law_ is not None and self.law_ not in ("kelvin_voigt", "no_tension")
 
     @property
     def table(self) -> MeasuredForces:
@@ -694,7 +719,10 @@ class FrictionBase(Named):
         damped = snubbers[name].damping is not None
         if damped and snubbers[name].law != "no_tension":
             remedy = "leave the snubber's damping out" if snubbers[name].yields else "give the snubber law: no_tension"
-            yield problem(where, f"= the force of {name} may pull, since its dashpot acts while it opens", remedy)
+            why = "may pull, since its dashpot acts while it opens"
+            if snubbers[name].limits_dashpot:
+                why = f"has law: {snubbers[name].law}, which is not available as a normal force"
+            yield problem(where, f"= the force of {name} {why}", remedy)
         elif damped and self.stiffness is not None:
             yield problem(
                 (*path, "stiffness"),

@@ -545,7 +545,7 @@ def _refuse_memory(snubbers: Sequence[LocatedItem], stops: Contacts, springs: Se
     """Raise ScenarioError if contacts are more than one-sided springs."""
     linear = "give the snubber a stiffness alone, or make the springs piecewise_linear"
     refused = [
-        (f".{snubber.memory or 'force_deflection'}", path, linear)
+        (f".{snubber.memory or ('law' if snubber.limits_dashpot else 'force_deflection')}", path, linear)
         for (path, _, snubber, _), law in zip(snubbers, stops.laws, strict=True)
         if law.rebuild is None
     ]
