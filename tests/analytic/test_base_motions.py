@@ -20,7 +20,7 @@ STIFFNESS, ZETA = MASS * (2 * np.pi * HZ) ** 2, 0.03
 PLACE, ABOUT = np.array([0.3, 0.1, 0.2]), np.array([0.05, -0.02, 0.1])
 LEVEL = np.array([9.0, 7.0, 8.0, 60.0, 50.0, 40.0])  # m/s^2, rad/s^2
 TONE, PHASE = np.array([21.0, 33.0, 26.0, 44.0, 39.0, 17.0]), np.array([0.3, 1.1, -0.4, 2.0, 0.0, 0.7])
-SECONDS = 0.25
+SECONDS = 0.2
 
 
 def rigid(at):
@@ -210,3 +210,42 @@ def test_sweeps_refuse_what_they_cannot_follow(case, second, sweep, words):
     with pytest.raises(ScenarioError) as refused:
         case([sine(2, frequency=24.0, phase=0), second], run=None, sweep={**sweep, "from": 20, "to": 30, **more})
     assert words in str(refused.value)
+
+
+PHASORS = 0.004 * np.array([1.0, 0.5 * np.exp(0.7j)])
+CHAIN = {
+    "chain": {"masses": [2.0], "springs": [800.0], "dashpots": [8.0]},
+    "springs_to_ground": [{"kind": "cubic", "stiffness": 4e6, "name": "c", "at": {"mass": 1}}],
+    "snubbers": [{"name": "s", "mass": 1, "side": "above", "gap": 1e-4, "stiffness": 3e3, "mounted_on": "ground"}],
+    "probes": [{"name": "p", "mass": 1}],
+}  # fmt: skip
+
+
+def shaken(phasors, **more):
+    sine = {"kind": "harmonic", "applied_to": "base", "quantity": "displacement", "frequency": 2.0}
+    forces = [{**sine, "level": float(abs(of)), "phase": float(np.angle(of))} for of in phasors]
+    return load_scenario({**CHAIN, "excitation": {"kind": "forces", "forces": forces}, **more})
+
+
+@pytest.mark.parametrize("method", [{"kind": "shooting"}, {"kind": "harmonic_balance", "harmonics": 9}])
+def test_two_sines_in_one_direction_are_one_with_the_sum_of_their_phasors(method):
+    """A branch with a cubic spring and a stop on the ground, and its energy balance."""
+    sweep = {"kind": "continuation", "from": 1.98, "to": 2.02, "side_branches": "none", "method": method}
+    two, one = (
+        beamsim.continuation(shaken(of, sweep=sweep | {"convergence": "off"})).branches[0]
+        for of in (PHASORS, [PHASORS.sum()])
+    )
+    assert two["max_force"].values.min() > 0.1
+    for name in ("max_displacement", "max_force"):
+        ends = (branch[name].values[0][[0, -1]] for branch in (two, one))
+        np.testing.assert_allclose(*ends, rtol=1e-8)
+    assert two["energy_error"].values.max() < 1e-9
+
+
+def test_a_cubic_spring_on_the_ground_is_stepped_under_two_motions_of_the_base():
+    """The same property of time stepping, which the exact motion has no part in."""
+    run = {"duration": 0.4, "sample_rate": 500, "start": "rest", "convergence": "off", "method": "reference"}
+    two, one = (beamsim.run(shaken(of, run=run)) for of in (PHASORS, [PHASORS.sum()]))
+    found, expected = (of["histories"]["absolute_displacement"].values for of in (two, one))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+    assert two.summary["energy_error"] < 1e-7
