@@ -624,6 +624,9 @@ class Body(Schema):
     has_default_probe: ClassVar[bool] = True
     """Whether `default_probe` names a place."""
 
+    has_members: ClassVar[bool] = False
+    """Whether it consists of members between nodes."""
+
     keys_of_shape: ClassVar[tuple[str, ...]] = ()
     """Keys of its items with points and directions, which cannot change one by one."""
 

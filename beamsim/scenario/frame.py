@@ -548,6 +548,7 @@ class FrameBody(Body):
 
     body_kind: ClassVar[str] = "frame"
     has_default_probe: ClassVar[bool] = False
+    has_members: ClassVar[bool] = True
     keys_of_shape: ClassVar[tuple[str, ...]] = ("arc", "orientation", "offsets", "offset", "point")
     mesh_order: ClassVar[float] = 2.0  # of extension, torsion and shear; bending alone has 4
     reaction_order: ClassVar[float] = 2.0

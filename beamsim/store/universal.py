@@ -9,8 +9,9 @@ lies above the one before, at a tenth of the longest. The force of a snubber abo
 spectra are of function type 0 (general), because pyuff does not write type 12 (spectrum).
 
 Imported bodies keep the numbers of their nodes, and those of the others follow; their modes are in the direction of
-their base. A second body with the same numbers has its own raised by a power of ten. Nodes that the table gives no
-coordinates are in no data set 15, and the header names their bodies.
+their base, those of frames along x, y and z, with lines along the members. A second body with the same numbers has its
+own raised by a power of ten. Nodes that the table gives no coordinates are in no data set 15, and the header names
+their bodies.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import os
 import warnings
 from collections.abc import Iterator, Sequence
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -197,9 +199,12 @@ def _mode_shapes(result: Any, coordinates: Floats, number: Ints, source: Source)
         nodes = number[part.stations]
         # how elements connect the nodes of imported bodies is unknown: one line shows only which body they are on
         through = [nodes[[i]] for i in range(nodes.size)] if part.axis is NODES else []
+        joined = _joined_stations(stations, part.stations) if _has_members(result.scenario, part.body) else []
         if part.axis is not NODES:
             through = _lines(nodes, *coordinates[part.stations, :2].T)
-        if several or part.axis is not NODES:
+        elif joined:
+            through = [number[pair] for pair in joined]
+        if several or part.axis is not NODES or joined:
             lines.append(trace_lines(k, part.body, through))
     along = [_direction(result.scenario, part.body) if part.axis is NODES else DEFLECTION for part in stations.bodies]
     sizes = [part.stations.stop - part.stations.start for part in stations.bodies]
@@ -209,7 +214,30 @@ def _mode_shapes(result: Any, coordinates: Floats, number: Ints, source: Source)
         record_55(source, mode, float(f), float(np.nan_to_num(ratio)), number, shape, direction)
         for mode, (f, ratio, shape) in enumerate(each, 1)
     ]
+    if (in_space := stations.in_space) is not None:
+        frames = [part.stations for part in stations.bodies if _has_members(result.scenario, part.body)]
+        for (k, record), on, i in product(enumerate(records), frames, range(3)):
+            record[f"r{i + 1}"] = _with_part(record[f"r{i + 1}"], on, in_space[on, i, k])
     return [*lines, *records]
+
+
+def _has_members(scenario: Scenario, body: str) -> bool:
+    """Whether a body is a frame; a single body may have no name here."""
+    bodies = scenario.all_bodies
+    return (bodies[body] if body in bodies else next(iter(bodies.values()))).has_members
+
+
+def _joined_stations(stations: Stations, part: slice) -> list[Ints]:
+    """Pairs of stations of a body between which a line is drawn."""
+    pairs = np.zeros((0, 2), dtype=np.int64) if stations.lines is None else stations.lines
+    return list(pairs[(pairs[:, 0] >= part.start) & (pairs[:, 0] < part.stop)])
+
+
+def _with_part(values: Floats, part: slice, replacement: Floats) -> Floats:
+    """A copy of values (k,) with a part replaced."""
+    changed = values.copy()
+    changed[part] = replacement
+    return changed
 
 
 def _direction(scenario: Scenario, body: str) -> str:

@@ -588,3 +588,29 @@ def test_studies_and_identification_of_a_frame(tmp_path):
     answer = CliRunner().invoke(app, ["sweep", str(tmp_path / "study.yaml"), "-o", str(tmp_path), "--no-plots"])
     assert answer.exit_code == 0, answer.output
     assert "2 cases" in answer.output
+
+
+def test_a_universal_file_has_the_modes_of_a_frame_in_space(tmp_path):
+    """Data set 55 has x, y and z at the nodes of data set 15, and data set 82 lines along the members."""
+    pyuff = pytest.importorskip("pyuff")
+    data = angled()
+    data["probes"] = [{"name": "c", "at": {"node": "c", "direction": "y"}},
+                      {"name": "m", "at": {"member": "bc", "position": "50 %", "direction": "x"}}]  # fmt: skip
+    data["run"] |= {"convergence": "off"}
+    data["reduction"] = {"modes": 6}
+    result = beamsim.run(scenario_of(data))
+    beamsim.write_result(result, tmp_path / "r.h5")
+    answer = CliRunner().invoke(
+        app, ["export", str(tmp_path / "r.h5"), "--format", "uff", "-o", str(tmp_path / "r.uff")]
+    )
+    assert answer.exit_code == 0, answer.output
+    sets = pyuff.UFF(str(tmp_path / "r.uff")).read_sets()
+    nodes = next(each for each in sets if each["type"] == 15)
+    shapes = [each for each in sets if each["type"] == 55]
+    shape = result["modes"]["shapes_in_space"].values[0]
+    written = np.array([shapes[0][name] for name in ("r1", "r2", "r3")]).T
+    assert_allclose(written, shape, atol=1e-5 * np.abs(shape).max())
+    lines = next(each for each in sets if each["type"] == 82)
+    assert np.sum(np.asarray(lines["nodes"]) == 0) > 20
+    probe = int(np.flatnonzero(np.isclose(nodes["x"], 0.9))[0])  # at node c
+    assert_allclose([nodes["y"][probe], nodes["z"][probe]], [0.3, 1.4], atol=1e-5)
