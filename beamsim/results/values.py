@@ -404,15 +404,17 @@ def values_of(channels: ChannelSet, extremes: Extremes) -> dict[str, Any]:
             of_all = [number for key in numbers for number in numbers[key]]
             found |= {value.entry: max(of_all)} if of_all else {}
         elif some or (value.section in ALWAYS_THERE and value.unit not in ROTATIONAL):
-            named = {(c.key, c.name): x for k in numbers for c, x in _largest_of_each(alike[k], numbers[k])}
+            if value.section == "rings":
+                numbers = {key: _largest_of_each(alike[key], numbers[key]) for key in numbers}
+            named = {(c.key, c.name): x for k in numbers for c, x in zip(alike[k], numbers[k], strict=True)}
             found[value.entry] = {channel.name: named[channel.key, channel.name] for channel in some}
     return found
 
 
-def _largest_of_each(channels: Sequence[Channel], numbers: Sequence[float]) -> Iterator[tuple[Channel, float]]:
-    """Each channel with the largest of its numbers, of which it has one for each of its columns."""
+def _largest_of_each(channels: Sequence[Channel], numbers: Sequence[float]) -> list[float]:
+    """The largest of the numbers of each channel, of which it has one for each of its columns."""
     rest = iter(numbers)
-    return ((channel, max(islice(rest, channel.columns))) for channel in channels)
+    return [max(islice(rest, channel.columns)) for channel in channels]
 
 
 def place_of_stress(stress: StressRows, extremes: Extremes, *, several: bool) -> dict[str, Any]:

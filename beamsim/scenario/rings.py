@@ -37,6 +37,7 @@ PLANES: dict[str, tuple[Any, Any]] = {
     "local_x": ("local_y", "local_z"), "local_y": ("local_z", "local_x"), "local_z": ("local_x", "local_y"),
 }  # fmt: skip
 """By axis of a ring the directions of its plane."""
+DEEPEST = 5.0  # largest penetration over the clearance that the tables are checked for
 DEFAULT_PENETRATION = 0.05  # largest penetration over the clearance
 SIDES_BY_DEPTH = 10.7  # default number of sides times the square root of penetration over clearance
 
@@ -120,10 +121,10 @@ class RingStop(PlacedItem, Named):
         if self.sides_ is not None and self.sides_ % 4:
             near = 4 * round(self.sides_ / 4)
             raise InvalidValueError(f"= {self.sides_} is no multiple of 4", f"give sides: {near}", ("sides",))
-        if self.largest_penetration > min(self.semi_axes):
+        if self.largest_penetration > DEEPEST * min(self.semi_axes):
             raise InvalidValueError(
-                f"= {self.largest_penetration:g} m is larger than the gap, {min(self.semi_axes):g} m",
-                "raise the stiffness, or use two pairs of stops, side: both", ("largest_penetration",),
+                f"= {self.largest_penetration:g} m is more than {DEEPEST:g} times the gap, {min(self.semi_axes):g} m",
+                "check the units", ("largest_penetration",),
             )  # fmt: skip
 
     def _check_friction(self, friction: RingFriction) -> None:

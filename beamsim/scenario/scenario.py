@@ -633,7 +633,7 @@ class Scenario(Schema):
         bodies = {name: body.refine() for name, body in self.all_bodies.items()}
         named = {name: body for name, body in bodies.items() if name in self.bodies}
         single = {name: body for name, body in bodies.items() if name not in self.bodies}
-        stops = tuple(stop.refine() if isinstance(stop, RingStop) else stop for stop in self.snubbers)
+        stops = tuple([stop.refine() if isinstance(stop, RingStop) else stop for stop in self.snubbers])
         finer = {**single, "bodies": named, "snubbers": stops, "reduction": Reduction(modes=modes)}
         return self.model_copy(update=finer)
 
@@ -718,7 +718,7 @@ class Scenario(Schema):
     def nonlinear_springs(self) -> tuple[LocatedItem, ...]:
         """Nonlinear springs and joints, or with Maxwell branches, then friction and parts of rings, with paths."""
         springs = self.listed("springs_to_ground", "springs_between", "joints")
-        parts = (at._replace(item=part) for at in self.listed("snubbers") for part in getattr(at.item, "parts", ()))
+        parts = [at._replace(item=part) for at in self.listed("snubbers") for part in getattr(at.item, "parts", ())]
         return (*(spring for spring in springs if has_own_law(spring.item)), *self.listed("friction"), *parts)
 
     @property

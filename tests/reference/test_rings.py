@@ -247,7 +247,7 @@ def test_a_ring_on_a_frame_is_one_at_its_two_places(place: Case) -> None:
         ({"sides": 50}, "sides", "no multiple of 4"),
         ({"along": [{"row": "y"}, {"row": "y"}]}, "along", "one place twice"),
         ({"along": [{"row": "y"}, {"node": 1, "direction": "rx"}]}, "along", "is a rotation"),
-        ({"largest_penetration": 1e-3}, "largest_penetration", "larger than the gap"),
+        ({"largest_penetration": 1e-2}, "largest_penetration", "more than 5 times the gap"),
         ({"gap": -1e-4}, "gap", "must be positive"),
         ({"side": "both"}, "side", ""),
         ({"node": 1}, "node", "keep along"),

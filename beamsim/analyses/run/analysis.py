@@ -212,7 +212,7 @@ def _warnings(motion: RunMotion) -> list[str]:
         *(pull_warnings(motion) if snubbers else []),
         *(line_warnings(system.inputs, system.modes) if system.inputs else []),
         *(compressed_beyond_tables(scenario, compression) if scenario.has_force_tables else []),
-        *(_ring_warnings(motion) if scenario.rings else []),
+        *(_ring_warnings(motion) if system.springs and system.rings else []),
         *deflection_warnings(scenario, system.modes, [dict(zip(probes, peaks, strict=True))]),
     ]
 
