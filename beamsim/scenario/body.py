@@ -859,6 +859,10 @@ class Body(Schema):
         """
         yield self._other_kind_problem(body_path, path, "a frame" if isinstance(node, str) else "imported matrices")
 
+    def node_of_number(self, number: int) -> int | str | None:
+        """The node with a number in files of other programs, as a place names it; None if the body has none."""
+        return None
+
     def member_problems(self, body_path: Path, path: Path, place: AtPlace) -> Iterator[Problem]:
         """A problem: the body has no members.
 

@@ -644,6 +644,11 @@ class FrameBody(Body):
         s = length * position.value if isinstance(position, q.Share) else position
         return length if math.isclose(s, length, rel_tol=1e-9) else s
 
+    def node_of_number(self, number: int) -> str | None:
+        """Name of a node by its order, from 1; None of points inside members."""
+        names = list(self.nodes)
+        return names[number - 1] if 1 <= number <= len(names) else None
+
     def node_problems(self, body_path: Path, path: Path, node: int | str) -> Iterator[Problem]:
         """A problem if no node has this name.
 

@@ -260,6 +260,10 @@ class MatricesBody(Body):
         """A problem if no row has this name."""
         yield from unknown(path, name, "row", self.rows)
 
+    def node_of_number(self, number: int) -> int:
+        """The number itself."""
+        return number
+
     def node_problems(self, body_path: Path, path: Path, node: int | str) -> Iterator[Problem]:
         """A problem of a name: nodes have numbers, which are known only from the files.
 

@@ -614,3 +614,10 @@ def test_a_universal_file_has_the_modes_of_a_frame_in_space(tmp_path):
     assert np.sum(np.asarray(lines["nodes"]) == 0) > 20
     probe = int(np.flatnonzero(np.isclose(nodes["x"], 0.9))[0])  # at node c
     assert_allclose([nodes["y"][probe], nodes["z"][probe]], [0.3, 1.4], atol=1e-5)
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(data))
+    words = ["compare-modes", str(tmp_path / "case.yaml"), str(tmp_path / "r.uff"), "-o", str(tmp_path), "--no-plots"]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    found = re.search(r"mode 1 .* Hz   mode 1, .* Hz .* % +(\d\.\d+)", answer.output)
+    assert found is not None
+    assert float(found.group(1)) > 0.999

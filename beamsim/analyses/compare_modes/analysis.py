@@ -421,12 +421,15 @@ def _read_uff(path: Path, scenario: Scenario) -> ShapesAtPlaces:
             )  # fmt: skip
         body = bodies[name]
         of = {"body": name} if len(bodies) > 1 else {}
-        has_nodes = not any(body.node_problems((), ("node",), node))
+        named = body.node_of_number(node)
+        has_nodes = named is not None
+        if body.has_members and not has_nodes:  # a point inside a member
+            continue
         for direction, row in ((direction, motion[direction][k]) for direction in _COMPONENTS):
             if not row.any() or not (has_nodes or direction == "z"):
                 continue
             if has_nodes:
-                places.append(AtPlace.model_validate({**of, "node": node, "direction": direction}))
+                places.append(AtPlace.model_validate({**of, "node": named, "direction": direction}))
             elif node in coordinates:
                 places.append(AtPlace.model_validate({**of, **_point_of(body, coordinates[node])}))
             else:
