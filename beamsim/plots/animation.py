@@ -18,6 +18,7 @@ from beamsim.files import replacement_file
 from beamsim.outcomes import report_progress
 from beamsim.plots.drawing import in_lines, plain_text, show_unseen
 from beamsim.plots.sketch import BODY, HEIGHT, REST, STOP, SUPPORTS, Sketch, finish_positions, scale_bar
+from beamsim.plots.space import LARGEST, SpaceView, flat
 from beamsim.plots.style import amount, round_length
 from beamsim.responses.frames import Frames
 from beamsim.structures.places import Place, ends_of
@@ -69,6 +70,8 @@ class Scene:
     bar_text: str
     supports: tuple[tuple[str, int], ...]  # kind, and which of the points moves with it
     count: int  # rows of bodies
+    shifts: Floats  # (nf, points of all lines) m to the right of rest
+    in_space: bool = False  # whether both axes have the same scale
 
     def as_json(self) -> dict[str, Any]:
         """For the player of pages."""
@@ -77,6 +80,9 @@ class Scene:
 
 def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     """The frames in the sketch of the model, deflections and openings of stops to one scale."""
+    view = SpaceView.of(sketch.scenario, sketch.stations, sketch.stops) if frames.in_space is not None else None
+    if frames.in_space is not None and view is not None:
+        return _scene_in_space(frames, view, frames.in_space, title)
     stops = sketch.stops
     in_sketch = {name: stop for name, stop in stops.items() if stop.gap_unit == "m"}  # others act within a hinge
     openings = {name: np.where(np.isfinite(frames.opening[name]), frames.opening[name], 0.0) for name in in_sketch}
@@ -117,7 +123,40 @@ def scene_of(frames: Frames, sketch: Sketch, title: str) -> Scene:
     return Scene(
         title, limits, tuple(lines), heights, tuple(drawn), frames.time, frames.in_slow_motion,
         tuple((name, float(line.x[0]), line.row) for name, line in firsts.items()), bar * factor, amount(bar, "m"),
-        supports, sketch.count,
+        supports, sketch.count, np.zeros_like(heights),
+    )  # fmt: skip
+
+
+def _scene_in_space(frames: Frames, view: SpaceView, displacement: Floats, title: str) -> Scene:
+    """The frames of bodies in space, with displacements (nf, points, 3), m, and gaps to one scale."""
+    numbers = [line.stations for line in frames.lines if line.stations is not None]
+    largest = float(np.linalg.norm(displacement, axis=2).max(initial=0.0)) or 1.0
+    factor, bar, middle = LARGEST * view.size / largest, round_length(largest), flat(view.points).mean(axis=0)
+    at = flat(view.points) - middle
+    moved = flat(displacement) * factor
+    drawn = []
+    for name, (face, holder) in view.faces(factor).items():
+        (x, y), (x_end, y_end) = flat(face) - middle, flat(holder) - middle
+        force, still = frames.force[name], np.zeros((frames.time.size, 2))
+        y_end += 1e-9 * view.size * (y == y_end)  # else it would be a rod between masses of a row
+        drawn.append(
+            PictureStop(name, "approach", (float(x), float(x_end)), (float(y), float(y_end)),
+                        np.full(frames.time.size, y), 0.0, 0.0, still, force)
+        )  # fmt: skip
+    supports = tuple(
+        (kind, int(np.linalg.norm(view.points[np.concatenate(numbers)] - point, axis=1).argmin()))
+        for name, body in view.scenario.all_bodies.items()
+        for coordinate, kind in body.marks
+        if kind in SUPPORTS and (point := view.point(Place(name, coordinate))) is not None
+    )
+    width, height = np.abs(at).max(axis=0) + 0.2 * view.size
+    count = int(np.clip(round(3.2 * height / width), 1, 3))
+    share = (1.3 + 1.9 * count) / 8.0  # of the picture, height over width
+    width = max(width, height / share)
+    lines = tuple(PictureLine(at[of, 0], at[of, 1], of.size == 1) for of in numbers)
+    return Scene(
+        title, (-width, width, -share * width, share * width), lines, moved[:, :, 1], tuple(drawn), frames.time,
+        frames.in_slow_motion, (), bar * factor, amount(bar, "m"), supports, count, moved[:, :, 0], in_space=True,
     )  # fmt: skip
 
 
@@ -226,7 +265,10 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
     ax.set(xlim=(left, right), ylim=(low, high), yticks=[])
     ax.spines[["top", "right", "left"]].set_visible(False)
     ax.set_title(in_lines(scene.title, ax.bbox.width), fontsize="medium", loc="left")
-    if all(line.dots for line in scene.lines):
+    if scene.in_space:
+        ax.set(xticks=[], aspect="equal")
+        ax.spines["bottom"].set_visible(False)
+    elif all(line.dots for line in scene.lines):
         ax.set_xticks([])
     else:
         finish_positions(ax)
@@ -254,10 +296,11 @@ def _drawing(scene: Scene, ax: Axes) -> Callable[[int], None]:
     def update(k: int) -> None:
         first = 0
         for line, artist in zip(scene.lines, moving, strict=True):
-            artist.set_data(line.x, line.y + scene.heights[k, first : first + line.x.size])
+            of_line = slice(first, first + line.x.size)
+            artist.set_data(line.x + scene.shifts[k, of_line], line.y + scene.heights[k, of_line])
             first += line.x.size
         for (_, point), artist in zip(scene.supports, supports, strict=True):
-            artist.set_data([rest[0][point]], [rest[1][point] + scene.heights[k, point]])
+            artist.set_data([rest[0][point] + scene.shifts[k, point]], [rest[1][point] + scene.heights[k, point]])
         for stop, artist in zip(scene.stops, stops, strict=True):
             artist.set_data(*_stop(stop, k))
             pressed = stop.force[k] != 0.0

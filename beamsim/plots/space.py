@@ -195,6 +195,19 @@ class SpaceView:
             places[name] = self._face(ax, ends[0], site, name, (displacement, factor, pressed), style)
         return places
 
+    def faces(self, factor: float) -> dict[str, tuple[Floats, Floats]]:
+        """By stop at one place where its face is at rest and what holds it, m; gaps are enlarged by a factor."""
+        found = {}
+        for located in self.scenario.located_snubbers:
+            stop, ends = self.stops[located.item.name], ends_of(snubber_site(located))
+            point = self.point(ends[0])
+            if len(ends) == 1 and point is not None and ends[0].direction in TRANSLATIONS:
+                sign = -1.0 if stop.side == "below" else 1.0
+                way = sign * np.eye(3)[TRANSLATIONS.index(ends[0].direction)]
+                face = point + max(stop.gap * factor if math.isfinite(stop.gap) else 0.0, 0.0) * way
+                found[stop.name] = face, face + OUTWARDS * self.size * way
+        return found
+
     def _face(
         self, ax: Axes, point: Floats, site: Site, name: str, state: tuple[Floats | None, float, bool],
         style: dict[str, Any],

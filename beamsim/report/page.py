@@ -141,8 +141,10 @@ def document(title: str, body: str, scripts: Iterable[str]) -> str:
 
 def player_html(scene: Mapping[str, Any], note: str) -> str:
     """HTML of the canvas and its controls."""
-    *_, low, high = scene["limits"]
+    left, right, low, high = scene["limits"]
     height = round(min(max(560 * (high - low) / 2.2, 260), 700))
+    if scene["in_space"]:  # one scale for both axes
+        height = round(1000 * (high - low) / (right - left))
     speeds = "".join(
         f'<option value="{value}"{" selected" if value == 1 else ""}>{value} x</option>'
         for value in (0.25, 0.5, 1, 2, 4)

@@ -37,7 +37,7 @@ function player(canvas, scene, controls) {
     scene.lines.forEach(line => stroke(line.x.map((x, k) => [x, line.y[k]]), "#bbb", 1));
     const at = scene.lines.flatMap(line => line.x.map((x, k) => [x, line.y[k]]));
     scene.supports.forEach(([kind, point]) => {
-      const x = at[point][0], y = at[point][1] + scene.heights[frame][point];
+      const x = at[point][0] + scene.shifts[frame][point], y = at[point][1] + scene.heights[frame][point];
       context.fillStyle = "#444"; context.beginPath();
       if (kind === "clamped") context.rect(X(x) - 6, Y(y) - 14, 6, 28);
       else { context.moveTo(X(x), Y(y)); context.lineTo(X(x) - 8, Y(y) + 14); context.lineTo(X(x) + 8, Y(y) + 14); }
@@ -50,7 +50,7 @@ function player(canvas, scene, controls) {
     });
     let first = 0;
     scene.lines.forEach(line => {
-      const points = line.x.map((x, k) => [x, line.y[k] + scene.heights[frame][first + k]]);
+      const points = line.x.map((x, k) => [x + scene.shifts[frame][first + k], line.y[k] + scene.heights[frame][first + k]]);
       first += line.x.length;
       stroke(points, BODY, line.dots ? 1 : 2.5);
       context.fillStyle = BODY;

@@ -52,6 +52,7 @@ class Frames:
     opening: Mapping[str, Floats]  # by stop (nf,) m, distance to its face as it is then; 0 while it touches or is held
     # largest difference between frames from a cubic through them, over the largest deflection
     difference_between: float = 0.0
+    in_space: Floats | None = None  # (nf, points of all lines, 3) m, displacements; None where they are not known
 
 
 def between_frames(times: Floats) -> Floats:
@@ -95,7 +96,16 @@ def frames_at(
     if between_values is not None:
         there = between_values @ np.vstack(of_lines).T + system.with_supports(places, between_frames(times))
         missed = _largest_difference(times, deflection, there)
-    return Frames(lines, times, slow, deflection, values_by_stop(sites, q @ at_stops.T), force, opening, missed)
+    ends = values_by_stop(sites, q @ at_stops.T)
+    return Frames(lines, times, slow, deflection, ends, force, opening, missed, _in_space(system, lines, q))
+
+
+def _in_space(system: StructuralSystem, lines: Sequence[DrawnLine], q: Floats) -> Floats | None:
+    """(nf, points, 3) m, displacements of the points of lines for coordinates (nf, n); None if they are not known."""
+    numbers, shapes = [line.stations for line in lines if line.stations is not None], system.stations.in_space
+    if shapes is None or system.model.moving_supports or len(numbers) < len(lines) or not np.isfinite(shapes).all():
+        return None
+    return np.asarray(np.einsum("pcn,fn->fpc", shapes[np.concatenate(numbers)], q))
 
 
 def _largest_difference(times: Floats, deflection: Floats, between_values: Floats) -> float:

@@ -5,7 +5,9 @@ import pytest
 from shipped import config_path
 
 import beamsim
-from beamsim.plots.bodies import body_figures
+from beamsim.analyses.run.animation import frames_of_run
+from beamsim.plots.animation import scene_of
+from beamsim.plots.bodies import body_figures, stops_of
 from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
 from beamsim.plots.space import SpaceView, flat
@@ -90,3 +92,19 @@ def test_bodies_without_coordinates_keep_their_sketch():
     assert SpaceView.of(system.scenario, system.stations, stops) is None
     ax = model_figure(Sketch(system.scenario, system.stations, stops)).figure().axes[0]
     assert ax.get_xlabel() == "x (m)"
+
+
+def test_an_animation_moves_along_all_axes_to_one_scale():
+    """Points of the drawn lines move by the displacements of the motion as they are seen."""
+    short = {"run.duration": 0.02, "run.convergence": "off"}
+    result = beamsim.run(beamsim.load_scenario(config_path("pipe_two_elbows"), short))
+    frames = frames_of_run(result)
+    sketch = Sketch(result.scenario, Stations.of_modes(result["modes"]), stops_of(result))
+    scene = scene_of(frames, sketch, "")
+    seen = np.stack([scene.shifts, scene.heights], axis=2)
+    factor = np.abs(seen).max() / np.abs(flat(frames.in_space)).max()
+    np.testing.assert_allclose(seen, factor * flat(frames.in_space), atol=1e-9)
+    np.testing.assert_allclose(frames.in_space[:, :, 2], frames.deflection, atol=1e-12)
+    left, right, low, high = scene.limits
+    assert (high - low) / (right - left) == pytest.approx((1.3 + 1.9 * scene.count) / 8.0)
+    assert [stop.name for stop in scene.stops] == ["stop"]
