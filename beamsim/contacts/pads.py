@@ -45,10 +45,10 @@ OWN_COLUMNS = NORMAL_FORCE  # number of quantities of a law that belong to the c
 
 @dataclass(frozen=True)
 class ForceCurve:
-    """A continuous, rising force-deflection curve from zero; it continues with its last slope."""
+    """A continuous force-deflection curve from zero; it continues with its last slope."""
 
     deflection: Floats  # (p,) m, increasing, the first zero
-    force: Floats  # (p,) N, not falling, the first zero
+    force: Floats  # (p,) N, the first zero, not falling except in a stop that stays crushed
 
     @classmethod
     def line(cls, stiffness: float) -> ForceCurve:

@@ -406,7 +406,8 @@ def _solved_modes(equations: StateEquations, window: float) -> BlockForm:
         return _general_modes(equations, acting, undamped, window, fixed)
     omega2, psi, extension, d = undamped
     rest = np.abs(d - np.diag(np.diag(d)))
-    coupled = rest.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)
+    # a mode of negative stiffness grows, which oscillators do not
+    coupled = (rest.max(axis=1, initial=0.0) > 1e-14 * np.abs(d).max(initial=0.0)) | (omega2 < 0.0)
     free, mixed = np.flatnonzero(~coupled), np.flatnonzero(coupled)
     modes = second_order_blocks(psi[:, free], omega2[free], np.diag(d)[free], window)
     if 2 * n < N:
@@ -460,8 +461,8 @@ class _FirstOrder(NamedTuple):
         omega2, psi, _, d = undamped
         n, r = psi.shape
         # masses that only dashpots connect have no frequency
-        fastest = omega2.max(initial=0.0) or (d**2).max(initial=0.0) or 1.0
-        scale = np.sqrt(np.maximum(omega2, 1e-6 * fastest))
+        fastest = np.abs(omega2).max(initial=0.0) or (d**2).max(initial=0.0) or 1.0
+        scale = np.sqrt(np.maximum(np.abs(omega2), 1e-6 * fastest))
         A = np.block([[np.zeros((r, r)), np.diag(scale)], [-np.diag(omega2 / scale), -d]])
         out, back = np.zeros((states, 2 * r)), np.zeros((2 * r, states))
         out[:n, :r], out[n : 2 * n, r:] = psi / scale, psi
@@ -559,10 +560,13 @@ def _internal_coupling(
     )
 
 
+NO_STIFFNESS = 1e-13  # relative to the largest squared frequency; smaller negative ones are round-off
+
+
 class _UndampedModes(NamedTuple):
     """Undamped modes of the structure with the springs of active contacts, and the damping matrix between them."""
 
-    omega_squared: Floats  # (e,) rad^2/s^2
+    omega_squared: Floats  # (e,) rad^2/s^2; negative where a force falls faster than the structure's rises
     shapes: Floats  # (n, e) orthonormal
     extension: Floats  # (a, e) deflection at each acting contact
     damping: Floats  # (e, e)
@@ -585,6 +589,7 @@ def _undamped_modes(
         basis = basis @ np.linalg.svd(constrained.T @ basis)[2][constrained.shape[1] :].T
     if np.any(k < 0.0) or np.any(system.stiffness < 0.0):
         omega2, psi = np.linalg.eigh(basis.T @ (np.diag(system.stiffness) + (phi.T * k) @ phi) @ basis)
+        omega2[(omega2 < 0.0) & (omega2 >= -NO_STIFFNESS * np.abs(omega2).max(initial=0.0))] = 0.0
         extension = phi @ basis @ psi
     else:
         # singular values of a factor: eigenvalues of K would have errors of the order of the highest one in the lowest
@@ -599,7 +604,7 @@ def _undamped_modes(
     free = rigid.shape[1]
     shapes, extension = np.hstack([rigid, basis @ psi]), np.hstack([np.zeros((k.size, free)), extension])
     damping = shapes.T @ system.damping @ shapes + (extension.T * active.dashpot) @ extension
-    return _UndampedModes(np.append(np.zeros(free), np.maximum(omega2, 0.0)), shapes, extension, damping)
+    return _UndampedModes(np.append(np.zeros(free), omega2), shapes, extension, damping)
 
 
 def _with_rigid_motions(system: PiecewiseLinearSystem, contact_shapes: Floats) -> tuple[Floats, Floats]:

@@ -493,7 +493,7 @@ def forces_beyond_tables(scenario: Scenario, forces: Iterable[Mapping[str, Float
         f"{scenario.located_snubber(name).label}: its force reaches {largest[name]:.4g} "
         f"{scenario.located_snubber(name).item.units[1]}, its table ends at {_end(scenario, name, curve)}{_REST}"
         for name, curve in _tables(scenario).items()
-        if largest.get(name, 0.0) > curve.force[-1]
+        if largest.get(name, 0.0) > curve.force.max()
     ]
 
 

@@ -290,19 +290,22 @@ class MeasuredForces(Schema):
         if self.smooth is not None:
             self.exclude("smooth", "columns", "decimal", "fit")
         if self.points is not None and self.fit is None:
-            check_points(self.points, ("points",))
+            check_points(self.points, ("points",), may_fall=True)
         elif self.points is not None and len(self.points) < 2:
             raise InvalidValueError("has too few points to fit", "measure more points", ("points",))
 
 
-def check_points(points: ForcePoints, path: Path = (), units: tuple[str, str] = ("m", "N")) -> None:
-    """Refuse points that are not a rising curve from zero.
+def check_points(
+    points: ForcePoints, path: Path = (), units: tuple[str, str] = ("m", "N"), *, may_fall: bool = False
+) -> None:
+    """Refuse points that are not a curve from zero, which rises unless it may fall.
 
     Parameters
     ----------
     points : (k,) deflections and forces.
     path : path of the points.
     units : of both, for messages.
+    may_fall : whether the force may fall, to a positive one with which the curve goes on.
     """
     way, push = units
     if len(points) < 2:
@@ -323,8 +326,13 @@ def check_points(points: ForcePoints, path: Path = (), units: tuple[str, str] = 
         "list the points by increasing deflection, each once; give measured loops with fit: {segments: 5}",
     )  # fmt: skip
     for index, ((_, force), (_, following)) in enumerate(pairwise(points), start=1):
-        if following < force:
-            remedy = "a stop whose force falls is not modelled; where it is noise, add fit: {segments: 5}"
+        remedy = "a force that falls needs unloading: {stiffness: ...} without a curve; where it is noise, add fit"
+        if may_fall and following > 0.0:
+            remedy = "add a last point with the same force: the curve continues with its last slope"
+        elif may_fall:
+            remedy = "give the force that remains, above zero; where it is noise, add fit: {segments: 5}"
+        refused = not may_fall or following <= 0.0 or index == len(points) - 1
+        if following < force and refused:
             raise InvalidValueError(
                 f"= {following:g} {push} falls below the one before, {force:g} {push}", remedy, (*path, index, 1)
             )
@@ -406,7 +414,8 @@ class SnubberBase(Named):
     hardening: Hardening | None = None
     """Yielding of the spring, after which the stop stays crushed; none by default."""
     unloading: Unloading | None = None
-    """Separate unloading: with a stiffness alone the stop stays crushed, with a curve it recovers; none by default."""
+    """Separate unloading: with a stiffness alone the stop stays crushed, and the force of its table may fall; with a
+    curve it recovers; none by default."""
     gap_: q.Gap | None = Field(default=None, alias="gap")
     """Clearance: positive is play, negative is prestress; 0 by default."""
     preload: q.PositiveForce | None = None
@@ -470,8 +479,11 @@ class SnubberBase(Named):
                 raise InvalidValueError("is missing", example, ("stiffness",))
             return
         self.exclude(table, "stiffness")
-        if isinstance(self.force_deflection, tuple):
-            check_points(self.force_deflection, (table,), self.units)
+        given = self.force_deflection
+        if isinstance(given, tuple):
+            check_points(given, (table,), self.units, may_fall=self.may_fall)
+        elif isinstance(given, MeasuredForces) and given.points is not None and given.fit is None:
+            check_points(given.points, (table, "points"), self.units, may_fall=self.may_fall)
 
     def _check_yielding(self) -> None:
         if self.hardening is not None:
@@ -507,6 +519,11 @@ class SnubberBase(Named):
     def yields(self) -> bool:
         """Whether it dissipates energy even in slow motion."""
         return self.hardening is not None or self.unloading is not None
+
+    @property
+    def may_fall(self) -> bool:
+        """Whether the force of the table may fall: where the stop stays crushed."""
+        return self.unloading is not None and self.unloading.force_deflection is None
 
     @property
     def gap(self) -> float | None:

@@ -63,11 +63,15 @@ def force_tables(scenario: Scenario) -> dict[str, TableOfStop]:
     ScenarioError
         For files that cannot be read, and points that are not a rising curve from zero.
     """
-    return {
-        path_text(path): _table_of(scenario, (*path, "force_deflection"), snubber.table)
-        for path, _, snubber, _ in scenario.located_snubbers
-        if snubber.force_deflection is not None
-    }
+    tables = {}
+    for path, _, snubber, _ in scenario.located_snubbers:
+        if snubber.force_deflection is not None:
+            at = (*path, "force_deflection")
+            table = tables[path_text(path)] = _table_of(scenario, at, snubber.table)
+            if not snubber.may_fall and table.curve.slopes.min() < 0.0:
+                remedy = "add unloading: {stiffness: ...} without a curve, or fit: {segments: 5} where it is noise"
+                raise ScenarioError(problem(at, "has forces that fall", remedy))
+    return tables
 
 
 def _table_of(scenario: Scenario, path: Path, table: MeasuredForces) -> TableOfStop:
@@ -124,7 +128,7 @@ def _table(table: MeasuredForces, file: FilePath | None, change_time: int) -> Ta
     else:
         deflection, force, time = read_forces(file, table.columns, table.decimal)
     if table.fit is None:
-        check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)))
+        check_points(tuple(zip(deflection.tolist(), force.tolist(), strict=True)), may_fall=True)
         return TableOfStop(ForceCurve(deflection, force), 0.0)
     curve, misfit, remarks = fit_from_zero(deflection, force, table.fit.segments)
     remarks += _remarks(loop_width(deflection, force), file, time, table.fit.segments)

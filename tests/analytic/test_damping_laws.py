@@ -133,9 +133,9 @@ def test_such_a_force_does_not_press_friction(law):
     stop = {"name": "stop", "mass": 1, "side": "above", "stiffness": 10.0, "law": law}
     stop |= {"damping": {"kind": "viscous", "coefficient": 1.5}}
     friction = {"mass": 2, "normal_force": {"snubber": "stop"}, "coefficient": 0.2}
-    chain = {"masses": [1.0, 1.0], "springs": [1.0, 1.0], "snubbers": [stop], "friction": [friction]}
+    chain = {"masses": [1.0, 1.0], "springs": [1.0, 1.0], "snubbers": [stop]}
     with pytest.raises(ScenarioError, match=f"has law: {law}, which is not available as a normal force"):
-        beamsim.load_scenario({"chain": chain, "run": {"duration": 1.0}})
+        beamsim.load_scenario({"chain": chain, "friction": [friction], "run": {"duration": 1.0}})
 
 
 @pytest.mark.parametrize(
