@@ -26,6 +26,8 @@ SHORT = {  # others are as long as where their screens are read, or as they stan
     "sweep_notched": {"sweep.to": "67 Hz", "sweep.rate": "32 oct/min"},  # too fast for its notch
     "continuation_60_120hz": {"sweep.from": "80 Hz", "sweep.to": "84 Hz"},
     "continuation_folds": {"sweep.follow_points_in.to": "0.1 N"},
+    "special_points": {"sweep.from": "0.63 rad/s", "sweep.to": "0.61 rad/s", "sweep.follow_points_in.to": "0.12 N"},
+    "isola": {"sweep.follow_points_in.to": "1.01 N"},
     "continuation_gap": {"sweep.continue_in.to": "0.1 mm"},
     "continuation_harmonic_balance": {"sweep.to": "76 Hz"},
     "continuation_level": {"sweep.continue_in.to": "0.5 g"},
