@@ -131,8 +131,9 @@ def rings_of(springs: Sequence[SpringInfo], first: int) -> tuple[RingInfo, ...]:
         if spring.part is not None:
             parts.setdefault(spring.name, {}).setdefault(spring.part.kind, []).append((contact, spring))
 
-    def contacts(of: dict[str, list[tuple[int, SpringInfo]]], kind: str) -> Ints:
-        return np.array([contact for contact, _ in of.get(kind, ())], dtype=np.int64)
+    def contacts(by_kind: dict[str, list[tuple[int, SpringInfo]]], kind: str) -> Ints:
+        """Contacts of one kind, of which there may be none."""
+        return np.array([contact for contact, _ in by_kind.get(kind, ())], dtype=np.int64)
 
     rings = []
     for of in parts.values():
