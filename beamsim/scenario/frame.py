@@ -243,7 +243,7 @@ class Offsets(Schema):
     """From the second node to the second end."""
 
 
-class Curve(NamedTuple):
+class Centreline(NamedTuple):
     """The centreline of a member: straight, or an arc about a centre."""
 
     start: Vector  # m
@@ -338,7 +338,7 @@ class Member(Schema):
         if self.flexibility_factor is not None and self.arc is None:
             raise InvalidValueError("belongs to a bend", "leave it out, or give arc", ("flexibility_factor",))
 
-    def curve(self, nodes: Mapping[str, Vector]) -> Curve:
+    def curve(self, nodes: Mapping[str, Vector]) -> Centreline:
         """The centreline between the ends, with offsets.
 
         Raises
@@ -353,7 +353,7 @@ class Member(Schema):
         if length <= ROUND_OFF * max(map(abs, (*start, *end))):
             raise InvalidValueError("has no length", "move one of its nodes, or join them with rigid_links", ("nodes",))
         if self.arc is None:
-            return self._with_z_axis(Curve(start, end, length))
+            return self._with_z_axis(Centreline(start, end, length))
         if isinstance(self.arc, ThroughArc):
             centre = _centre_through(start, end, self.arc.through)
         elif isinstance(self.arc, CentredArc):
@@ -362,7 +362,7 @@ class Member(Schema):
             centre = _centre_of_radius(start, end, self.arc)
         return self._with_z_axis(self._bend(start, end, centre))
 
-    def _bend(self, start: Vector, end: Vector, centre: Vector) -> Curve:
+    def _bend(self, start: Vector, end: Vector, centre: Vector) -> Centreline:
         """The arc between two points about a centre."""
         a, b = _minus(start, centre), _minus(end, centre)
         radius, other = math.sqrt(_dot(a, a)), math.sqrt(_dot(b, b))
@@ -377,9 +377,9 @@ class Member(Schema):
             raise InvalidValueError("is on the line through both ends", remedy, ("arc", "centre"))
         normal = _unit(w)
         angle = math.atan2(_dot(_cross(a, b), normal), _dot(a, b)) % (2.0 * math.pi)
-        return Curve(start, end, radius * angle, angle, centre, normal)
+        return Centreline(start, end, radius * angle, angle, centre, normal)
 
-    def _with_z_axis(self, curve: Curve) -> Curve:
+    def _with_z_axis(self, curve: Centreline) -> Centreline:
         """The curve, after a check that the orientation is nowhere along it."""
         if self.orientation is None:
             return curve
@@ -393,7 +393,7 @@ class Member(Schema):
         return curve
 
 
-def point_at(curve: Curve, s: float) -> Vector:
+def point_at(curve: Centreline, s: float) -> Vector:
     """Point of a curve at the distance s from its start, m."""
     if curve.centre is None or curve.normal is None:
         return _plus(curve.start, _minus(curve.end, curve.start), s / curve.length)
@@ -402,7 +402,7 @@ def point_at(curve: Curve, s: float) -> Vector:
     return _plus(_plus(curve.centre, across), radial, math.cos(angle))
 
 
-def tangent_at(curve: Curve, s: float) -> Vector:
+def tangent_at(curve: Centreline, s: float) -> Vector:
     """Unit vector along a curve at the distance s from its start, m."""
     if curve.centre is None or curve.normal is None:
         return _unit(_minus(curve.end, curve.start))
@@ -579,7 +579,7 @@ class FrameBody(Body):
     """Damping of the body as a whole: modal ratios or Rayleigh; none by default."""
 
     @property
-    def curves(self) -> dict[str, Curve]:
+    def curves(self) -> dict[str, Centreline]:
         """Centreline of each member."""
         return {name: member.curve(self.nodes) for name, member in self.members.items()}
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from beamsim.dofs import DIRECTIONS
 from beamsim.errors import MethodError
-from beamsim.scenario.frame import Curve, FrameSection
+from beamsim.scenario.frame import Centreline, FrameSection
 from beamsim.typing import Floats, Ints
 
 # Gauss points of an element: exact for polynomials of degree 15, and to 1e-13 for arcs of a quarter circle
@@ -48,7 +48,7 @@ def rigid_transfer(arms: Floats) -> Floats:
     return transfer
 
 
-def points_of(curve: Curve, s: Floats) -> Floats:
+def points_of(curve: Centreline, s: Floats) -> Floats:
     """(k, 3) points at distances s (k,) along a curve, m."""
     start = np.array(curve.start)
     if curve.centre is None or curve.normal is None:
@@ -60,7 +60,7 @@ def points_of(curve: Curve, s: Floats) -> Floats:
     return np.asarray(centre + turned)
 
 
-def axes_of(curve: Curve, s: Floats, orientation: Sequence[float] | None) -> Floats:
+def axes_of(curve: Centreline, s: Floats, orientation: Sequence[float] | None) -> Floats:
     """(k, 3, 3) local x, y and z of the sections at distances s (k,), as rows.
 
     Parameters
@@ -85,7 +85,7 @@ class MemberElements:
     """The elements of one member; rows of an element belong to x ... rz of its first, then of its second node."""
 
     name: str
-    curve: Curve
+    curve: Centreline
     section: FrameSection
     orientation: tuple[float, float, float] | None
     flexibility_factor: float
