@@ -94,7 +94,7 @@ KINDS = {
         result="beamsim.analyses.compare.result:Comparison",
         screen="beamsim.cli.measured:comparison_screen",
         figures="beamsim.plots.comparison:comparison_figures",
-        question="How well does the computed motion agree with the measured one?",
+        question="How well does the computed motion agree with the measured one, or one test with another?",
     ),
     "compare-modes": Kind(
         "compare-modes", "the result of `beamsim compare-modes`",

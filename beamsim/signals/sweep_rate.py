@@ -34,6 +34,8 @@ class SweepEffect(NamedTuple):
 
 FRESNEL_MAXIMUM = 1.217
 """Argument at which the distance of a Cornu spiral from its beginning is largest: the amplitude without damping."""
+NARROWEST = 1.4
+"""Sweep rate over the squared half-power bandwidth that no oscillator exceeds: without damping it is 1.3."""
 NO_EFFECT = SweepEffect(1.0, 1.0, 1.0)
 
 
@@ -77,6 +79,20 @@ def largest_displacement(rate: float) -> float:
     1.72 Hz
     """
     return float(np.sign(rate) * FRESNEL_MAXIMUM * np.sqrt(0.5 * abs(rate)))
+
+
+def is_too_narrow(frequency_hz: float, quality: float, rate: float) -> bool:
+    """Whether a peak in a sweep is narrower than that of any oscillator, so that it is a beat.
+
+    Parameters
+    ----------
+    frequency_hz, quality : Hz, and over the half-power bandwidth; nan if that is not known.
+    rate : Hz/s.
+
+    >>> is_too_narrow(38.0, 175.0, 2.6), is_too_narrow(38.0, 20.0, 2.6)
+    (True, False)
+    """
+    return bool(abs(rate) * quality**2 > NARROWEST * frequency_hz**2)
 
 
 RIPPLE = 0.08  # least ratio of two vibrations whose beats are peaks: 1.17 times as high as their lowest values

@@ -7,7 +7,7 @@ from scipy.signal import TransferFunction, lsim
 
 import beamsim
 from beamsim.signals.resonance_peaks import pair_peaks, peaks_of
-from beamsim.signals.sweep_rate import is_beat, largest_displacement, sweep_effect
+from beamsim.signals.sweep_rate import is_beat, is_too_narrow, largest_displacement, sweep_effect
 
 FREQUENCY = np.arange(20.0, 200.0, 0.05)
 
@@ -237,6 +237,27 @@ def test_beats_behind_a_resonance_are_recognised():
     assert all(is_beat(each.frequency_hz, top.frequency_hz, top.quality, rate) for each in lower)
     assert not is_beat(45.0, top.frequency_hz, top.quality, rate)
     assert not is_beat(60.0, top.frequency_hz, top.quality, rate)
+
+
+@pytest.mark.parametrize("number", [0.3, 2.0, 30.0])
+def test_no_resonance_is_narrower_than_a_sweep_allows(number):
+    """Also with so little damping that the free vibration lasts longer than the sweep."""
+    natural, quality = 65.0, 50.0 * np.sqrt(number)
+    f, z = integrated_sweep(natural, 0.5 / quality, natural**2 / 50.0**2, 58.0, 72.0)
+    top = max(peaks_of(f, z), key=lambda each: each.level)
+    assert not is_too_narrow(top.frequency_hz, top.quality, natural**2 / 50.0**2)
+
+
+def test_beats_behind_a_jump_are_no_resonances(compare):
+    """A response that drops, and ripples of the free vibration that it leaves behind, at 2 Hz/s."""
+    f = np.arange(40.0, 80.0, 0.01)
+    time = (f - 60.0) / 2.0
+    ripple = 0.6 * np.exp(-0.5 * np.abs(time)) * np.cos(2 * np.pi * (6.0 * time + time**2))
+    bent = np.where(f < 60.0, np.abs(receptance((60.0, 0.02, 1.0), frequency=f)), 4.0 * (1.0 + ripple))
+    record = {"sweep": {"from": "20 Hz", "to": "200 Hz", "rate": "2 Hz/s"}}
+    assert len(compare(bent, bent, frequency=(f, f)).pairs[0].resonances) > 1
+    (shift,) = compare(bent, bent, frequency=(f, f), record=record).pairs[0].resonances
+    assert shift.before_hz == pytest.approx(60.0, abs=0.1)
 
 
 def swept_record(path, natural, damping, first, last, octaves_per_minute, late=0.3):

@@ -29,7 +29,14 @@ from beamsim.scenario.before_after import BeforeAfter
 from beamsim.scenario.reporting import Limits
 from beamsim.signals.noise import FEWEST_VALUES, white_noise
 from beamsim.signals.resonance_peaks import LEAST_PROMINENCE, QualityPeak, pair_peaks, peaks_of
-from beamsim.signals.sweep_rate import NO_EFFECT, SweepEffect, is_beat, largest_displacement, sweep_effect
+from beamsim.signals.sweep_rate import (
+    NO_EFFECT,
+    SweepEffect,
+    is_beat,
+    is_too_narrow,
+    largest_displacement,
+    sweep_effect,
+)
 from beamsim.typing import TINY, Floats
 
 DEFAULT_LIMITS = {"frequency_shift": 0.05, "amplitude_shift": 0.20}
@@ -138,6 +145,13 @@ def _is_beat(response: TestResponse, peak: QualityPeak, other: QualityPeak) -> b
     if response.sweep is None or other.level <= peak.level:
         return False
     rate = response.sweep.rate_at(other.frequency_hz)
+    narrow = [
+        is_too_narrow(each.frequency_hz, each.quality, response.sweep.rate_at(each.frequency_hz))
+        for each in (peak, other)
+    ]
+    follows = (peak.frequency_hz - other.frequency_hz) * rate > 0.0
+    if narrow[0] or (narrow[1] and follows and not peak.quality > 0.0):  # the later, lower ones of beats have no band
+        return True
     return is_beat(peak.frequency_hz, other.frequency_hz, other.quality, rate)
 
 
@@ -150,11 +164,13 @@ def _relative_noise(response: TestResponse, peak: QualityPeak, logarithm: Floats
     f = response.frequency_hz
     if response.noise is not None:
         return float(np.interp(peak.frequency_hz, f, response.noise))
-    width = peak.frequency_hz / peak.quality if peak.quality > 0.0 else 0.0
-    band = np.abs(f - peak.frequency_hz) <= 0.5 * width
-    if np.count_nonzero(band) < FEWEST_OF_FIT:
+    top = int(np.argmin(np.abs(f - peak.frequency_hz)))
+    lower = np.flatnonzero(response.amplitude < peak.level / np.sqrt(2.0))
+    ends = [int(end[0]) for end in (lower[lower < top][-1:], lower[lower > top][:1]) if end.size]
+    if len(ends) < 2 or ends[1] - ends[0] <= FEWEST_OF_FIT:
         return scatter
-    x = 2.0 * (f[band] - peak.frequency_hz) / width
+    band = slice(ends[0] + 1, ends[1])
+    x = 2.0 * (f[band] - peak.frequency_hz) / (f[ends[1]] - f[ends[0]])
     fitted = np.polyval(np.polyfit(x, logarithm[band], 4), x)
     return float(np.sqrt(np.sum((logarithm[band] - fitted) ** 2) / (x.size - 5)))
 
