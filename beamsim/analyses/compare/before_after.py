@@ -83,8 +83,8 @@ def compare_tests(scenario: Source) -> Comparison:
     >>> files = {side: f"configs/measurements/search_{side}.csv" for side in ("before", "after")}
     >>> comparison = beamsim.compare_tests({"before_after": files})
     >>> first = comparison.pairs[0].resonances[0]
-    >>> print(f"{first.before_hz:.1f} Hz, {first.after_hz:.1f} Hz, {100 * first.frequency.change:.1f} %")
-    197.7 Hz, 185.2 Hz, -6.3 %
+    >>> print(f"{first.before_hz:.0f} Hz, {first.after_hz:.0f} Hz, {100 * first.frequency.change:.1f} %")
+    198 Hz, 185 Hz, -6.3 %
     >>> first.frequency.significant, comparison.summary["margins"]["frequency_shift"]["verdict"]
     (True, 'exceeded')
     """
