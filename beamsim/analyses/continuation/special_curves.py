@@ -87,6 +87,7 @@ class _Start(NamedTuple):
     point: SpecialPoint  # a grazing, if a fold lies on one
     kind: str
     branch: int  # index of the branch with the point
+    hz: float  # of the fold itself, if it lies on a grazing
 
 
 def follow_special_points(
@@ -117,7 +118,7 @@ def follow_special_points(
     for start in _starts(model, branches):
         touching = model.system.contact_names[start.point.contact] if start.point.contact >= 0 else ""
         known = [curve for curve in curves if curve.touching == touching and (touching or curve.kind == start.kind)]
-        hz = start.point.parameter / (2 * np.pi)
+        hz = start.hz
         if budget.exhaustion() or any(abs(at - hz) <= off for curve in known for at, off in curve.passes_hz):
             continue
         curves += _curves(model, start, (level, present), budget)
@@ -131,12 +132,13 @@ def _starts(model: ResponseModel, branches: list[OrbitBranch]) -> Iterator[_Star
         if branch.problem.multiple != 1:
             continue
         for point in branch.special:
+            hz = point.parameter / (2 * np.pi)
             if point.kind == "nonsmooth_fold" and "fold" in kinds:
-                yield _Start(branch.problem, point, point.kind, index)
+                yield _Start(branch.problem, point, point.kind, index, hz)
             elif point.kind in kinds:
                 grazing = _grazing_at(branch, point) if point.kind == "fold" else None
                 kind = point.kind if grazing is None else "nonsmooth_fold"
-                yield _Start(branch.problem, grazing or point, kind, index)
+                yield _Start(branch.problem, grazing or point, kind, index, hz)
 
 
 def _grazing_at(branch: OrbitBranch, fold: SpecialPoint) -> SpecialPoint | None:
@@ -283,7 +285,7 @@ def _measured(
         kind=start.kind if isola_at is None else "isola",
         level=level,
         branch=start.branch,
-        start_hz=start.point.parameter / (2 * np.pi),
+        start_hz=start.hz,
         touching=model.system.contact_names[start.point.contact] if grazes and isola_at is None else "",
         outcome=second.in_user_unit(outcome) if isola_at is None else _in_hertz(outcome),
         frequency_hz=np.array([p.u[at] for p in points]) / (2 * np.pi),
