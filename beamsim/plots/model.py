@@ -15,6 +15,7 @@ from beamsim.plots.sketch import BODY, Sketch, scale_bar
 from beamsim.plots.style import amount, round_length
 from beamsim.plots.understood import amplitude_text, excitation_text
 from beamsim.scenario.body import SupportMounting
+from beamsim.scenario.rings import RING, RingPart
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, LoadedRegion, LoadSite, Place, ends_of
 from beamsim.system.reduced_model import ActingLoads
@@ -130,7 +131,11 @@ def _springs(sketch: Sketch, ax: Axes) -> Iterator[Named]:
             (x, y), *others = (sketch.point(Place(name, at)) for at in (first, second) if at is not None)
             beyond = x + 0.6 * step * (-1.0 if first is None else 1.0), y
             _spring(sketch, ax, (x, y), others, beyond)
-    springs = [(located.item, snubber_site(located)) for located in scenario.nonlinear_springs]
+    springs = [
+        (located.item, snubber_site(located))
+        for located in scenario.nonlinear_springs
+        if not (isinstance(located.item, RingPart) and located.item.sides_before + located.item.number)
+    ]
     springs += [
         (spring, site_in(scenario, spring))
         for spring in (*scenario.springs_to_ground, *scenario.springs_between)
@@ -140,7 +145,7 @@ def _springs(sketch: Sketch, ax: Axes) -> Iterator[Named]:
         (x, y), *others = (sketch.point(place) for place in ends_of(site))
         within = ends_of(site)[0].direction == SLOPE  # a hinge
         middle = (x, y) if within else _spring(sketch, ax, (x, y), others, (x, y - 0.25))
-        kind = spring.kind.replace("_", " ") + " spring" * (spring.kind != "friction")
+        kind = spring.kind.replace("_", " ") + " spring" * (spring.kind not in ("friction", RING))
         yield f"{spring.name} ({kind})", middle
 
 
