@@ -333,6 +333,10 @@ def events_between(step: BranchStep[CurveProblem]) -> Iterator[CurveEvent]:
     Parameters
     ----------
     step : of a curve.
+
+    Raises
+    ------
+    ArithmeticError, LinAlgError : where a search fails.
     """
     curve, a, b = step.problem, step.a, step.b
 
@@ -347,8 +351,9 @@ def events_between(step: BranchStep[CurveProblem]) -> Iterator[CurveEvent]:
                 yield CurveEvent(kind, b if found is None else found)
     if a.tangent[-1] * b.tangent[-1] < 0.0:
         turn = step.locate(lambda p: float(p.tangent[-1]))
-        if turn is not None:
-            yield CurveEvent(_kind_of_turn(step, turn), turn)
+        if turn is None:
+            raise ArithmeticError("the second parameter turns back, and no extreme was found")
+        yield CurveEvent(_kind_of_turn(step, turn), turn)
 
 
 def _kind_of_turn(step: BranchStep[CurveProblem], turn: BranchPoint) -> CurveEventKind:

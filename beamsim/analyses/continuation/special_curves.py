@@ -17,7 +17,16 @@ import numpy as np
 
 from beamsim.errors import ScenarioError
 from beamsim.labelled import Dataset
-from beamsim.orbits.branch import BranchPoint, OrbitBranch, SpecialPoint, special_name
+from beamsim.orbits.branch import (
+    BranchPoint,
+    FailedSearch,
+    OrbitBranch,
+    SpecialKind,
+    SpecialPoint,
+    record_failures,
+    special_name,
+    with_failed_searches,
+)
 from beamsim.orbits.continuation import CLOSED_CURVE, Branch, BranchStep, Settings, correct_across
 from beamsim.orbits.shooting import ForcedOrbits
 from beamsim.orbits.special_curves import (
@@ -326,7 +335,7 @@ def _both_directions(
             Branch(curve, first, low, high, SETTINGS), budget, _Ends(model, curve, start.point.parameter),
             with_special=False,
         )  # fmt: skip
-        halves.append(_with_events(half))
+        halves.append(_with_events(half, start.point.kind))
     return halves
 
 
@@ -375,13 +384,14 @@ class _Ends:
         return None
 
 
-def _with_events(half: OrbitBranch) -> tuple[OrbitBranch, list[CurveEvent]]:
-    """One direction of a curve with its special points among the others; a strong resonance is its end."""
+def _with_events(half: OrbitBranch, kind: SpecialKind) -> tuple[OrbitBranch, list[CurveEvent]]:
+    """One direction of a curve of one kind with its special points among the others; a strong resonance is its end."""
     events: list[CurveEvent] = []
+    failed: list[FailedSearch] = []
     points, outcome = list(half.points[:1]), half.outcome
     for a, b in pairwise(half.points):
         step: BranchStep[CurveProblem] = BranchStep(half.problem, a, b, SETTINGS)
-        with suppress(ArithmeticError, np.linalg.LinAlgError):
+        with record_failures(kind, a, failed):
             found = sorted(events_between(step), key=lambda event: step.share(event.point))
             events += found
             points += [event.point for event in found if event.point is not b]
@@ -389,7 +399,7 @@ def _with_events(half: OrbitBranch) -> tuple[OrbitBranch, list[CurveEvent]]:
                 outcome = replace(outcome, place=Where(found[-1].point.parameter))
                 continue
         points.append(b)
-    return replace(half, points=points, outcome=outcome), events
+    return replace(half, points=points, outcome=with_failed_searches(outcome, failed)), events
 
 
 def _isola(
