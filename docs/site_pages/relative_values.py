@@ -66,6 +66,7 @@ RATIOS = {
     "Limits.amplitude_shift": "amplitude before",
     "Limits.damping_shift": "damping before",
     "Limits.gapping": "level of the sine at which the linear steady motion first changes contact",
+    "GeneratedForces.tolerance": "force at the end of the range",
     "IdentifyStiffness.tolerance": "measured frequency",
     "IdentifyStiffness.uncertainty": "measured frequency",
     "IdentifyStiffness.coverage": "certainty (1)",
