@@ -67,6 +67,7 @@ RATIOS = {
     "Limits.damping_shift": "damping before",
     "Limits.gapping": "level of the sine at which the linear steady motion first changes contact",
     "GeneratedForces.tolerance": "force at the end of the range",
+    "PowerLaw.exponent": "power of the penetration over that of the point",
     "IdentifyStiffness.tolerance": "measured frequency",
     "IdentifyStiffness.uncertainty": "measured frequency",
     "IdentifyStiffness.coverage": "certainty (1)",
