@@ -12,14 +12,14 @@ from matplotlib.patches import Rectangle
 
 from beamsim.plots.drawing import GREEN, Picture
 from beamsim.plots.sketch import BODY, Sketch, scale_bar
+from beamsim.plots.space import SpaceView
 from beamsim.plots.style import amount, round_length
-from beamsim.plots.understood import amplitude_text, excitation_text
+from beamsim.plots.understood import excitation_text, level_or_kind, stop_text
 from beamsim.scenario.body import SupportMounting
 from beamsim.scenario.rings import RING, RingPart
 from beamsim.structures.assembly import load_site_in, site_in, snubber_site
 from beamsim.structures.places import SLOPE, LoadedRegion, LoadSite, Place, ends_of
 from beamsim.system.reduced_model import ActingLoads
-from beamsim.system.structural import SnubberNumbers
 
 MOST_NAMES = 14  # of stops, masses, springs and probes together; more are not readable
 DEEPEST = 0.07  # of a body, over the distance of rows
@@ -76,19 +76,15 @@ def _number(ax: Axes, names: Sequence[Named], margin: float, row_height: float =
 
 def model_figure(sketch: Sketch) -> Picture:
     """The sketch with its title, what excites the model, and the scale of the gaps."""
-    if sketch.stations.points is not None and (view := _space_view(sketch)) is not None:
+    if (
+        sketch.stations.points is not None
+        and (view := SpaceView.of(sketch.scenario, sketch.stations, sketch.stops)) is not None
+    ):
         width, height = view.figure_size
         return Picture(sketch.scenario.title, [partial(_plot_in_space, view)], size=(width, height + 1.2),
                        legend_below=True)  # fmt: skip
     size = (8.0, 2.4 + 1.6 * sketch.count)
     return Picture(sketch.scenario.title, [partial(plot_model, sketch)], size=size, legend_below=True)
-
-
-def _space_view(sketch: Sketch) -> Any:
-    """The view in space; None if a body has no coordinates."""
-    from beamsim.plots.space import SpaceView
-
-    return SpaceView.of(sketch.scenario, sketch.stations, sketch.stops)
 
 
 def _plot_in_space(view: Any, ax: Axes) -> None:
@@ -149,15 +145,6 @@ def _springs(sketch: Sketch, ax: Axes) -> Iterator[Named]:
         yield f"{spring.name} ({kind})", middle
 
 
-def stop_text(name: str, stop: SnubberNumbers) -> str:
-    """Name, stiffness, and gap or force at rest of a stop."""
-    way, push = stop.gap_unit, stop.force_unit
-    rest = f"gap {amount(stop.gap, way)}" if stop.gap > 0.0 else "just touching"
-    if stop.gap < 0.0:
-        rest = f"preload {amount(stop.preload, push)}" if stop.preload > 0.0 else f"prestress {amount(-stop.gap, way)}"
-    return f"{name}: {amount(stop.stiffness, f'{push}/{way}')}, {rest}"
-
-
 def _mounting(sketch: Sketch, name: str) -> str:
     """What a stop stands on, where it is not the base."""
     on = getattr(sketch.scenario.located_snubber(name).item, "mounted_on", "base")
@@ -178,7 +165,7 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
         for place in _loaded(load_site_in(sketch.scenario, part.applied_to), sketch):
             x, y = sketch.point(place)
             ax.annotate("", (x, y + 0.04), xytext=(x, y + 0.34), arrowprops=arrow)
-        yield level_text(part), (x, y + 0.34)
+        yield level_or_kind(part), (x, y + 0.34)
     moved = [(part, at) for _, part in acting.supports for at in _places_moved(sketch, part.applied_to)]
     moved += [(part, at) for _, part in acting.stops for name, at in stops.items() if part.moves_stop(name)]
     with_support = [
@@ -188,7 +175,7 @@ def _forces(sketch: Sketch, ax: Axes, stops: Mapping[str, tuple[float, float]]) 
     for part, (x, y) in drawn:
         ax.annotate("", (x, y - 0.08), xytext=(x, y - 0.3), arrowprops={**arrow, "arrowstyle": "<|-|>"})
         if part is not None:
-            yield f"{part.applied_to.label}: {level_text(part)}", (x, y - 0.3)
+            yield f"{part.applied_to.label}: {level_or_kind(part)}", (x, y - 0.3)
 
 
 def _carries(sketch: Sketch, excitation: Any, name: str) -> bool:
@@ -198,12 +185,6 @@ def _carries(sketch: Sketch, excitation: Any, name: str) -> bool:
     if not isinstance(on, SupportMounting) or support.joint:
         return False
     return (on.support, on.body or default) == (support.support, support.body or default)
-
-
-def level_text(excitation: Any) -> str:
-    """The level of an excitation with a single level, else its kind."""
-    levels = [amplitude_text(excitation, level) for _, level in excitation.levels()]
-    return levels[0] if len(levels) == 1 else str(excitation.kind).replace("_", " ")
 
 
 def _places_moved(sketch: Sketch, excitation: Any) -> list[tuple[float, float]]:

@@ -19,6 +19,7 @@ from matplotlib.collections import LineCollection
 from beamsim.labelled import Dataset
 from beamsim.plots.drawing import DARK, GREEN, MOST_PANELS, RED, Picture
 from beamsim.plots.style import amount, round_length
+from beamsim.plots.understood import level_or_kind, stop_text
 from beamsim.scenario import Scenario
 from beamsim.scenario.frame import FrameBody, point_at
 from beamsim.structures.assembly import site_in, snubber_site
@@ -231,8 +232,6 @@ class SpaceView:
 
     def named_places(self, ax: Axes, stops: Mapping[str, Floats]) -> Iterator[tuple[str, tuple[float, float]]]:
         """Names of stops, springs, friction, forces and probes, and where they are; draws the arrows of forces."""
-        from beamsim.plots.model import level_text, stop_text
-
         for mass, at in self.masses():
             yield f"mass {amount(mass, 'kg')}", _pair(flat(at))
         for name, seen in stops.items():
@@ -253,7 +252,7 @@ class SpaceView:
                     tail = acts_at - 0.15 * self.size * np.eye(3)[TRANSLATIONS.index(end.direction)]
                     ax.annotate("", _pair(flat(acts_at)), xytext=_pair(flat(tail)),
                                 arrowprops={"arrowstyle": "-|>", "color": GREEN, "linewidth": 1.8})  # fmt: skip
-                    yield level_text(force), _pair(flat(tail))
+                    yield level_or_kind(force), _pair(flat(tail))
         for probe in self.scenario.effective_probes:
             for at in self.points_of(site_in(self.scenario, probe)):
                 ax.plot(*flat(at), marker="D", markersize=4, color="#7b5ea7", zorder=8)

@@ -17,6 +17,7 @@ from beamsim.scenario.files import CurveFile
 from beamsim.scenario.quantities import LEVEL_DIMENSIONS, Rate, amplitude_unit
 from beamsim.scenario.sweep import LevelPath, swept_cycles
 from beamsim.structures.assembly import load_site_in
+from beamsim.system.structural import SnubberNumbers
 
 Inputs = Mapping[str, Mapping[str, Any]]
 """By path of the excitation what is known of a random input or record: rms, peak and unit."""
@@ -250,3 +251,18 @@ def amplitude_text(excitation: Any, level: float) -> str:
     """A level in the unit of its quantity."""
     unit = LEVEL_DIMENSIONS[excitation.quantity].unit if excitation.quantity else ""
     return amount(level, unit)
+
+
+def stop_text(name: str, stop: SnubberNumbers) -> str:
+    """Name, stiffness, and gap or force at rest of a stop."""
+    way, push = stop.gap_unit, stop.force_unit
+    rest = f"gap {amount(stop.gap, way)}" if stop.gap > 0.0 else "just touching"
+    if stop.gap < 0.0:
+        rest = f"preload {amount(stop.preload, push)}" if stop.preload > 0.0 else f"prestress {amount(-stop.gap, way)}"
+    return f"{name}: {amount(stop.stiffness, f'{push}/{way}')}, {rest}"
+
+
+def level_or_kind(excitation: Any) -> str:
+    """The level of an excitation with a single level, else its kind."""
+    levels = [amplitude_text(excitation, level) for _, level in excitation.levels()]
+    return levels[0] if len(levels) == 1 else str(excitation.kind).replace("_", " ")

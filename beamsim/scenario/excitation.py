@@ -763,9 +763,9 @@ class SampledInput(DrivenInput, RecordPreparation):
         """Itself, or one motion of the base for each of the columns."""
         if self.columns is None:
             return super().items
-        return [(("columns", axis), self._along(axis, column)) for axis, column in self.columns.by_direction.items()]
+        return [(("columns", axis), self._one_axis(axis, column)) for axis, column in self.columns.by_direction.items()]
 
-    def _along(self, axis: Any, column: str) -> SampledInput:
+    def _one_axis(self, axis: Any, column: str) -> SampledInput:
         """The motion of the base along or about one axis."""
         turned: dict[str, Any] = {"about": None}
         if axis.startswith("r"):

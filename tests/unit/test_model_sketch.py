@@ -10,9 +10,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 from shipped import config_path
 
-from beamsim.plots.model import model_figure, stop_text
+from beamsim.plots.model import model_figure
 from beamsim.plots.sketch import Sketch
-from beamsim.plots.understood import excitation_text
+from beamsim.plots.understood import excitation_text, stop_text
 from beamsim.scenario import load_scenario
 from beamsim.system.build import build_system
 from tests.helpers.commands import invoke

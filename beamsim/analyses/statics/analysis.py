@@ -98,11 +98,11 @@ class _AtRest:
     def reactions(self) -> dict[tuple[str, str], float]:
         """By support and unit its force or moment; NaN where it is not determined."""
         return {
-            (channel.name, channel.unit): self._settled(channel.rows[0]) if determined else np.nan
+            (channel.name, channel.unit): self._without_round_off(channel.rows[0]) if determined else np.nan
             for channel, determined in support_channels(self.system)
         }
 
-    def _settled(self, row: Floats) -> float:
+    def _without_round_off(self, row: Floats) -> float:
         """A force without round-off."""
         force = float(row @ self.row_values)
         return force if abs(force) > self.negligible_force else 0.0
