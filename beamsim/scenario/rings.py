@@ -41,6 +41,8 @@ DEEPEST = 5.0  # largest penetration over the clearance that the tables are chec
 DEFAULT_PENETRATION = 0.05  # largest penetration over the clearance
 SIDES_BY_DEPTH = 10.7  # default number of sides times the square root of penetration over clearance
 
+MOST_SIDES = 2000
+
 SemiAxes = tuple[q.Length, q.Length]
 TwoOffsets = tuple[q.Gap, q.Gap]
 
@@ -97,7 +99,7 @@ class RingStop(PlacedItem, Named):
     largest_penetration_: q.Length | None = Field(default=None, alias="largest_penetration")
     """Largest penetration for which the force is accurate; 5 % of the clearance by default. A motion with a larger one
     has a warning."""
-    sides_: Annotated[int, q.WholeNumber(12, 2000)] | None = Field(default=None, alias="sides")
+    sides_: Annotated[int, q.WholeNumber(12, MOST_SIDES)] | None = Field(default=None, alias="sides")
     """Number of flat sides whose forces add up to that of the ring, a multiple of 4; by default so many that the
     impulse of an impact is accurate to about 1 %."""
 
@@ -121,6 +123,11 @@ class RingStop(PlacedItem, Named):
         if self.sides_ is not None and self.sides_ % 4:
             near = 4 * round(self.sides_ / 4)
             raise InvalidValueError(f"= {self.sides_} is no multiple of 4", f"give sides: {near}", ("sides",))
+        if self.sides_ is None and self._sides_by_depth > MOST_SIDES:
+            raise InvalidValueError(
+                f"= {self.largest_penetration:g} m asks for {self._sides_by_depth:.3g} sides, more than {MOST_SIDES}",
+                "give a penetration nearer to that of the motion, or sides", ("largest_penetration",),
+            )  # fmt: skip
         if self.largest_penetration > DEEPEST * min(self.semi_axes):
             raise InvalidValueError(
                 f"= {self.largest_penetration:g} m is more than {DEEPEST:g} times the gap, {min(self.semi_axes):g} m",
@@ -184,8 +191,13 @@ class RingStop(PlacedItem, Named):
         """Number of sides; a property of the curvature and the largest penetration by default."""
         if self.sides_ is not None:
             return self.sides_
+        return 4 * math.ceil(max(self._sides_by_depth, 24.0) / 4.0)
+
+    @property
+    def _sides_by_depth(self) -> float:
+        """Number of sides with which the impulse of an impact is accurate to about 1 %."""
         flattest = max(self.semi_axes) ** 2 / min(self.semi_axes)  # m, largest radius of curvature
-        return 4 * math.ceil(max(SIDES_BY_DEPTH * math.sqrt(flattest / self.largest_penetration), 24.0) / 4.0)
+        return SIDES_BY_DEPTH * math.sqrt(flattest / self.largest_penetration)
 
     def refine(self) -> RingStop:
         """The ring with twice as many sides."""

@@ -115,9 +115,27 @@ snubbers: [{name: tip, position: <90>, side: below, stiffness: 50 kN/m, gap: 0.1
 excitation: {kind: harmonic, applied_to: base, level: 1 g, frequency: 40 Hz}
 sweep: {kind: continuation, from: 20 Hz, to: 90 Hz, follow_points_in: {kind: position, from: <70>, to: <100>}}
 """
+FRAME = """\
+bodies:
+  bracket: {kind: frame, nodes: {foot: [0, 0, 0], head: [0, 0, W], far: [L, 0, W]},
+    sections: {tube: {section: {kind: tube, outer_diameter: 20 mm, wall_thickness: 2 mm}, youngs_modulus: 69 GPa,
+      density: 2700}},
+    members: {post: {nodes: [foot, head]}, arm: {nodes: [head, far]}}, supports: {foot: clamped},
+    point_masses: [{member: arm, position: <75>, mass: 40 g}],
+    recovered: {root: {member: post, position: <y10>, quantity: moment_y}},
+    damping: {kind: modal, ratio: 1 %}}
+snubbers:
+  - {name: tip, at: {member: arm, position: <90>, direction: z}, side: below, stiffness: 100 kN/m, gap: 0.1 mm}
+friction: [{name: rub, at: {member: post, position: <y80>, direction: y}, normal_force: 1 N, coefficient: 0.2,
+  stiffness: 10 kN/m}]
+excitation: {kind: harmonic, applied_to: {member: arm, position: <40>, direction: y}, level: 2 N, frequency: 20 Hz}
+probes: [{name: a, at: {member: arm, position: <60>, direction: y}}]
+outputs: [{name: m, kind: recovered, row: root, unit: N m}]
+run: {duration: 0.05 s}
+"""
 CASES = {
     "beam": BEAM, "segments": SEGMENTS, "bodies": BODIES, "plate": PLATE, "imported": IMPORTED, "followed": FOLLOWED,
-    "folds": FOLDS,
+    "folds": FOLDS, "frame": FRAME,
 }  # fmt: skip
 MARKER = re.compile(r"<(y?)(\d+)>")
 UNITS = {

@@ -45,7 +45,7 @@ def sites(scenario):
             site = load_site_of(part, scenario.body_at(path) or scenario.default_body, bodies)
             for k, end in enumerate((site.first, site.second) if isinstance(site, Link) else (site,)):
                 found[path_text((*path, "body", k))] = end.body
-                points = np.ravel(end.bounds if hasattr(end, "bounds") else end.point)
+                points = [*np.ravel(end.bounds if hasattr(end, "bounds") else end.point), getattr(end, "along", None)]
                 found |= {path_text((*path, "point", k, i)): x for i, x in enumerate(points) if x is not None}
     for name, body in bodies.items():
         found |= {f"{name}.nodes[{i}]": body.metres(x) for i, x in enumerate(getattr(body, "nodes", ()))}
