@@ -132,13 +132,8 @@ def describe_springs(
             numbers = (0.0, 0.0, _law_of_ring(spring))
         else:
             if any(b <= a for a, b in pairwise(spring.breakpoints)):  # moved by what varies them
-                raise ScenarioError(
-                    Problem(
-                        f"{path_text(path)}.breakpoints",
-                        f"= {list(spring.breakpoints)} do not increase",
-                        "keep their order in every case",
-                    )
-                )
+                at, why = f"{path_text(path)}.breakpoints", f"= {list(spring.breakpoints)} do not increase"
+                raise ScenarioError.at(at, why, "keep their order in every case")
             law = piecewise_linear(spring.breakpoints, spring.stiffnesses, spring.number_at_rest)
             law = _as_installed(relaxing_law(law, branches), maxwell, (1.0, -1.0)) if branches else law
             numbers = (0.0, float(spring.linear_stiffness), law)

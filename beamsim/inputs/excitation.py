@@ -119,11 +119,9 @@ def random_signals(
     total = duration if duration is not None else period
     count = _count_of_samples(period, total, rate)
     amplitude = _spectrum(density, period, count, excitation.seed, excitation.amplitudes == "random")
-    if excitation.phase:
-        amplitude *= np.exp(1j * excitation.phase)
+    amplitude *= np.exp(1j * excitation.phase)
     limit = np.inf if excitation.clip is None else excitation.clip * density.rms
-    if limit < np.inf:
-        amplitude = _clip_record(amplitude, count, limit)
+    amplitude = _clip_record(amplitude, count, limit) if limit < np.inf else amplitude
     step = period / count
     pieces = int(np.ceil(total / step)) + 1
     displacement_0 = 0.0

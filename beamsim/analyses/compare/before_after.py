@@ -206,7 +206,8 @@ def _resonance(response: TestResponse, peak: QualityPeak, noise: float) -> Reson
         ends = [sweep_effect(f, quality * factor, rate) for factor in (doubt, 1.0 / doubt)]
         spread = [0.5 * abs(float(np.log(a / b))) for a, b in zip(*ends, strict=True)]
         of_theory = (first_order**2, first_order, first_order)
-        steps = tuple(map(sum, zip(steps, spread, of_theory, strict=True)))  # type: ignore[assignment]
+        of_frequency, of_amplitude, of_damping = map(sum, zip(steps, spread, of_theory, strict=True))
+        steps = of_frequency, of_amplitude, of_damping
     return Resonance(f, peak.level, 0.5 / quality, steps, errors, effect)
 
 

@@ -168,10 +168,7 @@ class SweepLevel:
             }
         if record.contact_share.shape[1] > len(snubbers):
             columns["spring_changes"] = cycles_with_breakpoint(record.contact_share[:, len(snubbers) :])
-        if self.system.springs and self.system.rings:
-            from beamsim.system.rings import ring_columns
-
-            columns |= ring_columns(self.system.rings, self.channels, record.high, record.low)
+        columns |= self._ring_columns(record) if self.system.springs and self.system.rings else {}
         columns |= self._jumps(record, values["time"]) if self.system.jumping_forces else {}
         if "gap" in self.limited_quantities:
             opening = self._columns_by_name(OPENING, "m")
@@ -194,6 +191,11 @@ class SweepLevel:
             level=float(self.value), level_unit=self.level_unit, quantity=self.quantity,
             tables={"cycles": cycles, **(tables or {})},
         )  # fmt: skip
+
+    def _ring_columns(self, record: CycleRecord) -> dict[str, Any]:
+        from beamsim.system.rings import ring_columns
+
+        return ring_columns(self.system.rings, self.channels, record.high, record.low)
 
     def _quantity_columns(self, record: CycleRecord, frequency_hz: Floats) -> dict[str, Any]:
         """Extremes, means, harmonics and limits over frequency."""
