@@ -27,6 +27,7 @@ stored energy at an event is dissipated. A new kind of law is a new list of phas
 * *partial dashpots*: phases in which the dashpot acts, is limited to the spring's force (a dissipative force that is
   linear in the penetration), or is absent; guards are the penetration rate and differences of forces;
 * a *latch*: a phase without guards, which never ends;
+* a *shock arrestor*: a free phase that a speed ends, with a reset of the state of its Maxwell branch;
 * *kinematic hardening* (same module): an elastic phase, and a phase of yielding in each direction, whose resets set the
   slider when yielding ends;
 * *unloading* along another curve (same module): a slider whose limit follows a table, with three phases per segment.
@@ -317,7 +318,8 @@ class ContactLaw:
         for guard in a.guard[phase, : a.guards[phase]]:
             # a guard that depends on a rate or a changing state is the force that vanishes
             of_force = bool(force[seen].any() and (guard[1] != 0.0 or (moving and guard[INTERNAL:].any())))
-            slope = guard[seen] @ force[seen] / (force[seen] @ force[seen]) if of_force else guard[0]
+            with_states = guard[0] + guard[INTERNAL:] @ a.rates[phase, :, RATE]  # of states that follow the penetration
+            slope = guard[seen] @ force[seen] / (force[seen] @ force[seen]) if of_force else with_states
             distance = max(float(guard @ rest), 0.0)
             distance = distance / abs(slope) if slope and distance else np.inf if distance else 0.0
             boundaries.append(
@@ -436,6 +438,8 @@ def _scaled(springs: tuple[OneSidedSpring, ...] | None, factor: float) -> tuple[
 
 
 PENETRATION_ROW = LawRow(penetration=1.0)  # the penetration itself
+# of the locking speed times the relaxation time: a shock arrestor whose spring extends less is free
+FREE_EXTENSION = 1e-9
 
 
 @lru_cache(maxsize=1024)
@@ -540,6 +544,55 @@ def damping_on_approach(stiffness: float, dashpot: float = 0.0) -> ContactLaw:
         dashpot=dashpot,
         undamped_law=undamped,
     )
+
+
+@lru_cache(maxsize=1024)
+def shock_arrestor(stiffness: float, bleed: float, locking_speed: float) -> ContactLaw:
+    """A device that is free while it moves slowly, and a spring in series with a dashpot while it is locked.
+
+    It locks when its speed reaches the locking speed, and is free again when its force returns to zero. While it is
+    locked, ``F = k (delta - p)`` with ``p' = F / c``; p is the extension at which it locked, so that F has no jump.
+
+    Parameters
+    ----------
+    stiffness : k, N/m.
+    bleed : c, force over bleed rate, N s/m.
+    locking_speed : m/s.
+
+    Examples
+    --------
+    >>> [phase.name for phase in shock_arrestor(1e7, 1e6, 3e-3).phases[:3]]
+    ['free', 'locked in extension', 'locked in extension, returning fast']
+    """
+    rate, locks = stiffness / bleed, (PENETRATION_ROW,)
+    # while it is free, p follows the extension; with a force, a motion starts locked, by the first two guards
+    least = FREE_EXTENSION * locking_speed / rate
+    free = Phase(
+        "free",
+        (
+            *(Guard(k, LawRow(-sign, constant=least, internal=(sign,))) for k, sign in ((2, 1.0), (4, -1.0))),
+            *(Guard(k, LawRow(0.0, -sign, locking_speed), locks) for k, sign in ((1, 1.0), (3, -1.0))),
+        ),
+        closed=False,
+        rates=(LawRow(rate=1.0),),
+        restart_extension=LawRow(),
+    )
+    spring = Phase(
+        "", (), True, (LawSpring(stiffness, LawRow(1.0, internal=(-1.0,))),),
+        rates=(LawRow(rate, internal=(-rate,)),), state_dashpots=(bleed,),
+    )  # fmt: skip
+    # one that returns faster than the locking speed locks in the other direction at once: a phase of its own, because
+    # the speed decides what follows when the force vanishes
+    locked = []
+    for name, sign, slow, other in (("extension", 1.0, 1, 3), ("compression", -1.0, 3, 1)):
+        force = LawRow(sign, internal=(-sign,))
+        ends = Guard(0, force, locks), Guard(slow + 1, LawRow(0.0, sign, locking_speed))
+        turns = Guard(other, force), Guard(slow, LawRow(0.0, -sign, -locking_speed))
+        locked += [
+            replace(spring, name=f"locked in {name}", guards=ends),
+            replace(spring, name=f"locked in {name}, returning fast", guards=turns),
+        ]
+    return ContactLaw((free, *locked), internal_states=1, static=(), relaxed_states=lambda extension: (extension,))
 
 
 def piecewise_linear(breakpoints: Sequence[float], slopes: Sequence[float], at_rest: int) -> ContactLaw:

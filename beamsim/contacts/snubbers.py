@@ -31,6 +31,7 @@ from beamsim.contacts.laws import (
     latch,
     limited_damping,
     piecewise_linear,
+    shock_arrestor,
 )
 from beamsim.contacts.pads import ForceCurve, MaxwellBranch, no_tension, recovering_law, relaxing_law, table_law
 from beamsim.contacts.sliders import (
@@ -44,7 +45,7 @@ from beamsim.contacts.sliders import (
 from beamsim.errors import Problem, ScenarioError
 from beamsim.scenario.base import path_text
 from beamsim.scenario.body import LocatedItem
-from beamsim.scenario.connections import HingeElement
+from beamsim.scenario.connections import SHOCK_ARRESTOR, HingeElement
 from beamsim.scenario.rings import RING, RingPart
 from beamsim.structures.modes import closed_modes
 from beamsim.structures.places import ends_of, site_of
@@ -58,7 +59,8 @@ class SpringInfo:
     """One spring with a law of its own: where it acts, and F = linear x + that of the law, or cubic x^3."""
 
     name: str
-    # "linear" (which relaxes), "cubic", "piecewise_linear", "spring" of a joint, "friction", or a part of a ring
+    # "linear" (which relaxes), "cubic", "piecewise_linear", "shock_arrestor", "spring" of a joint, "friction", or a
+    # part of a ring
     kind: str
     places: tuple[str, ...]  # what it connects to the ground, or the two places that it joins, for people
     masses: tuple[int, ...]  # their numbers where they are masses
@@ -126,6 +128,9 @@ def describe_springs(
             numbers = (float(spring.stiffness), 0.0, None)
         elif spring.kind in ("linear", JOINT):
             numbers = (0.0, float(spring.stiffness), _as_installed(relaxing_law(None, branches), maxwell, (1.0, -1.0)))
+        elif spring.kind == SHOCK_ARRESTOR:
+            law = shock_arrestor(spring.stiffness, spring.bleed.force / spring.bleed.speed, spring.locking_speed)
+            numbers = (0.0, 0.0, law)
         elif spring.kind == FRICTION:
             numbers = (0.0, 0.0, _law_of_friction(spring))
         elif isinstance(spring, RingPart):

@@ -394,7 +394,11 @@ class MovedSupport(Schema):
         A sine must have a constant frequency: in a sweep the motion of the support would drift.
         """
         if self.joint is not None:
-            linear = (each.name for each in scenario.joined_by if each.kind not in ("cubic", "piecewise_linear"))
+            linear = (
+                each.name
+                for each in scenario.joined_by
+                if each.kind not in ("cubic", "piecewise_linear", "shock_arrestor")
+            )
             yield from unknown((*path, "joint"), self.joint, "joint", linear)
         else:
             yield from body_problems(scenario, path, self.body, f"name one: {{body: BODY, support: {self.support}}}")

@@ -74,13 +74,13 @@ class Chain(Body):
 
     @property
     def rough_frequency_hz(self) -> float:
-        """Frequency of the lightest mass on the stiffest linear or piecewise-linear spring, Hz."""
+        """Frequency of the lightest mass on the stiffest spring that is not cubic, Hz."""
         slopes = list(self.springs)
         for spring in (*self.springs_to_ground, *self.springs_between):
-            if spring.kind == "linear":
-                slopes.append(spring.stiffness)
-            elif spring.kind == "piecewise_linear":
+            if spring.kind == "piecewise_linear":
                 slopes.extend(spring.stiffnesses)
+            elif spring.kind != "cubic":
+                slopes.append(spring.stiffness)
         return math.sqrt(max(slopes) / min(self.masses)) / (2.0 * math.pi)
 
     @property

@@ -43,6 +43,8 @@ from beamsim.scenario.body import (
 )
 from beamsim.scenario.files import DecimalMark
 
+SHOCK_ARRESTOR = "shock_arrestor"  # kind of spring
+
 Extension = Annotated[float, q.Quantity(replace(units.LENGTH, name="displacement", example="0.1 mm"))]
 
 
@@ -87,7 +89,7 @@ def has_own_law(item: Schema) -> bool:
     """Whether a spring or joint is nonlinear or has Maxwell branches."""
     kind = getattr(item, "kind", "")
     branches = getattr(item, "maxwell", ())
-    return kind in ("cubic", "piecewise_linear") or any(branch.stiffness > 0.0 for branch in branches)
+    return kind in ("cubic", "piecewise_linear", SHOCK_ARRESTOR) or any(branch.stiffness > 0.0 for branch in branches)
 
 
 class LinearSpring(Schema):
@@ -155,6 +157,31 @@ class PiecewiseLinearSpring(Schema):
         return self.stiffnesses[self.number_at_rest]
 
 
+class BleedRate(Schema):
+    """How fast a locked shock arrestor gives way: the speed under a constant force."""
+
+    force: q.PositiveForce
+    """Constant force, as a rule the rated one."""
+    speed: q.Speed
+    """Speed with which the locked arrestor moves under this force; proportional to the force."""
+
+
+class ShockArrestor(Schema):
+    """A device that is free while it moves slowly and locks when it moves fast, in both directions."""
+
+    kind: Literal["shock_arrestor"] = "shock_arrestor"
+    """Free below a speed, a spring that bleeds above it: a shock arrestor, which nuclear piping calls a snubber."""
+    locking_speed: q.Speed
+    """Speed of extension or compression at which it locks: its locking velocity."""
+    stiffness: q.Stiffness
+    """Stiffness while it is locked."""
+    bleed: BleedRate
+    """Bleed rate while it is locked: {force: 10 kN, speed: 1 mm/s}."""
+
+    linear_stiffness: ClassVar[float] = 0.0
+    """Stiffness in the linear model: 0, since it is free at rest."""
+
+
 class LinearGroundSpring(LinearSpring, SpringToGround):
     """A linear spring to the fixed ground."""
 
@@ -165,6 +192,10 @@ class CubicGroundSpring(CubicSpring, SpringToGround):
 
 class PiecewiseLinearGroundSpring(PiecewiseLinearSpring, SpringToGround):
     """A piecewise-linear spring to the fixed ground."""
+
+
+class GroundShockArrestor(ShockArrestor, SpringToGround):
+    """A shock arrestor to the fixed ground."""
 
 
 class LinearLinkSpring(LinearSpring, SpringBetween):
@@ -179,8 +210,14 @@ class PiecewiseLinearLinkSpring(PiecewiseLinearSpring, SpringBetween):
     """A piecewise-linear spring between two points or masses."""
 
 
-GroundSpring = Annotated[LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring, BY_FORM]
-LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring, BY_FORM]
+class LinkShockArrestor(ShockArrestor, SpringBetween):
+    """A shock arrestor between two points or masses."""
+
+
+GroundSpring = Annotated[
+    LinearGroundSpring | CubicGroundSpring | PiecewiseLinearGroundSpring | GroundShockArrestor, BY_FORM
+]
+LinkSpring = Annotated[LinearLinkSpring | CubicLinkSpring | PiecewiseLinearLinkSpring | LinkShockArrestor, BY_FORM]
 
 
 ForcePoint = tuple[q.Gap, q.Force]

@@ -281,7 +281,10 @@ def _parameters(scenario: Scenario, snubber: str, bodies: list[BodyStructure]) -
     for section in ("joints", "springs_to_ground", "springs_between"):
         for index, item in enumerate(getattr(scenario, section)):
             for key in ("stiffness", "rotational_stiffness"):
-                if getattr(item, "kind", "") not in ("cubic", "piecewise_linear") and getattr(item, key, 0.0) > 0.0:
+                if (
+                    getattr(item, "kind", "") not in ("cubic", "piecewise_linear", "shock_arrestor")
+                    and getattr(item, key, 0.0) > 0.0
+                ):
                     yield (section, index, key), {(section, index, key)}
 
 

@@ -31,6 +31,7 @@ from beamsim.inputs.statements import InputAccount
 from beamsim.scenario import Scenario
 from beamsim.scenario.base import Path, path_text, problem, walk
 from beamsim.scenario.body import LocatedItem, SupportMounting
+from beamsim.scenario.connections import SHOCK_ARRESTOR
 from beamsim.scenario.excitation import SingleExcitation, has_level_steps, sine_problems
 from beamsim.scenario.parameters import replace_values
 from beamsim.scenario.quantities import power_of
@@ -552,7 +553,7 @@ def _refuse_memory(snubbers: Sequence[LocatedItem], stops: Contacts, springs: Se
     for path, _, spring, _ in springs:
         if getattr(spring, "maxwell", ()):
             refused.append((".maxwell", path, "leave one of the two out"))
-        if spring.kind == FRICTION:
+        if spring.kind in (FRICTION, SHOCK_ARRESTOR):
             refused.append(("", path, "make the springs piecewise_linear"))
     if refused:
         message = "cannot be combined with cubic springs"

@@ -45,6 +45,7 @@ from beamsim.responses.points import TargetPoint, with_points_at
 from beamsim.results.branch import SpecialRow
 from beamsim.results.result import check_reduction, forces_beyond_tables
 from beamsim.scenario import Scenario
+from beamsim.scenario.connections import SHOCK_ARRESTOR
 from beamsim.scenario.excitation import NoExcitation
 from beamsim.scenario.sweep import FullPeriodMethod, NonlinearMode, RelaxedMinimisationMethod
 from beamsim.system.build import build_system
@@ -72,6 +73,8 @@ def conservative_system(scenario: Scenario) -> StructuralSystem:
         if law.undamped() is None:
             key = next((stop.memory for stop in scenario.all_snubbers if stop.name == name), "maxwell")
             what = f"the friction contact {name}" if law.slides_or_yields and key == "maxwell" else f"{key} of {name}"
+            arrestors = {at.item.name for at in scenario.nonlinear_springs if at.item.kind == SHOCK_ARRESTOR}
+            what = f"the shock arrestor {name}" if name in arrestors else what
             raise ScenarioError.at(
                 "nnm",
                 f"needs contacts without losses, but {name} has friction or internal states",

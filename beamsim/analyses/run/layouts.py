@@ -87,7 +87,8 @@ HISTORIES = Layout(
         ),
         "spring": Variable(_SPRING, "1", "name of the spring, which is nonlinear or relaxes", str),
         "spring_kind": Variable(
-            _SPRING, "", "cubic, piecewise_linear, linear (which relaxes), or spring of a joint that relaxes", str
+            _SPRING, "",
+            "cubic, piecewise_linear, shock_arrestor, linear (which relaxes), or spring of a joint that relaxes", str,
         ),
         "spring_masses": Variable(
             _SPRING, "",
