@@ -273,3 +273,20 @@ def test_refuses_a_point_that_moves_in_one_direction_only() -> None:
     case["snubbers"][0]["row"] = "y"
     with pytest.raises(ScenarioError, match="needs a point that moves in two directions"):
         load_scenario(case)
+
+
+def test_random_motion_in_a_ring_says_how_far_the_record_reaches() -> None:
+    """A test that is longer than its record may press a ring harder than the record does."""
+    ring = {"sides": 12, "stiffness": 1e5, "largest_penetration": 0.3e-3}
+    noise = [{"frequency": 10.0, "density": "40 N^2/Hz"}, {"frequency": 60.0, "density": "40 N^2/Hz"}]
+    result = beamsim.run(
+        load_scenario(
+            disc(
+                ring=ring,
+                excitation={"kind": "random", "applied_to": {"row": "y"}, "psd": noise},
+                run={"duration": 0.3, "sample_rate": 2e3, "test_duration": 60.0, "convergence": "off"},
+            )
+        )
+    )
+    assert result["rings"]["force"].values.max() > 0.0
+    assert result.outcome.code == "largest_of_test_unknown"

@@ -645,13 +645,8 @@ def _changes_beyond_record(
     first : first sample of the record.
     samples : number of samples of the whole test.
     """
-    histories = result["histories"]
-    pressed = histories.by_label("snubber_penetration")
-    moved = [(f"snubber {name}", penetration.unit, penetration.values) for name, penetration in pressed.items()]
-    stretched = histories.by_label("spring_extension") | histories.by_label("friction_displacement")
-    moved += [(f"spring {s.name}", "m", stretched[s.name].values) for s in system.springs if s.law is not None]
     reasons = {}
-    for (name, unit, values), law in zip(moved, system.dynamics.contacts.laws, strict=True):
+    for name, unit, values, law in _motions_of_contacts(result, system):
         x = values[first:]
         mean, freedom = float(x.mean()), rms_interval(x).get("degrees_of_freedom", 0.0)
         for direction in (1.0, -1.0):
@@ -668,6 +663,27 @@ def _changes_beyond_record(
                     f"not exceed, and {1e3 * high:.3g} m{unit}, which the test may reach"
                 )
     return reasons
+
+
+def _motions_of_contacts(result: RunResult, system: StructuralSystem) -> Iterator[tuple[str, str, Floats, ContactLaw]]:
+    """Name, unit, penetration or extension (nt,) and law of each contact whose motion is in the result file.
+
+    Sides of rings are contacts, too: their penetration follows from the position in the ring. Friction in a ring is
+    left out: its stiffness changes with the normal force of its side, which is judged.
+    """
+    histories, laws = result["histories"], system.dynamics.contacts.laws
+    pressed = histories.by_label("snubber_penetration")
+    for (name, penetration), law in zip(pressed.items(), laws[: len(pressed)], strict=True):
+        yield f"snubber {name}", penetration.unit, penetration.values, law
+    stretched = histories.by_label("spring_extension") | histories.by_label("friction_displacement")
+    for spring in system.springs:
+        if spring.law is not None and spring.part is None:
+            yield f"spring {spring.name}", "m", stretched[spring.name].values, spring.law
+    for ring in system.rings:
+        first, second = (result["rings"].by_label(f"{of}_position")[ring.name].values for of in ("first", "second"))
+        beyond = np.column_stack([first, second]) @ ring.normals.T - ring.support
+        for side, penetration in zip(ring.sides.tolist(), beyond.T, strict=True):
+            yield f"ring {ring.name}", "m", penetration, laws[side]
 
 
 def _segment_peaks(x: Floats, freedom: float) -> Floats:
