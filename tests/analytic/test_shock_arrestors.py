@@ -153,6 +153,20 @@ def test_cubic_springs_are_refused():
         beamsim.run({"chain": chain, "run": {"duration": 1.0, "start": {"velocity": [1.0]}}})
 
 
+def test_periodic_motions_are_those_of_settled_runs():
+    """The motion at 1.22 Hz, found by continuation, has the amplitude of a run of 60 periods."""
+    chain = {"masses": [1.0], "springs": [SPRING], "dashpots": [0.3]}
+    chain |= {"springs_to_ground": [ARRESTOR | {"mass": 1, "locking_speed": 0.05}]}
+    force = HARMONIC | {"frequency": 1.22}
+    sweep = {"kind": "continuation", "from": 1.2, "to": 1.22}
+    branch = beamsim.continuation({"chain": chain, "excitation": force, "sweep": sweep})
+    run = {"duration": 60 / 1.22, "sample_rate": 2440.0, "convergence": "off", "start": {"velocity": [0.0]}}
+    settled = beamsim.run({"chain": chain, "excitation": force, "run": run})
+    largest = np.abs(settled["histories"]["displacement"].values[0, -4000:]).max()
+    assert branch.summary["energy_error"] < 1e-12
+    assert branch.summary["peaks"][0]["value_m"] == pytest.approx(largest, rel=1e-5)
+
+
 def test_nonlinear_modes_are_refused():
     chain = {"masses": [1.0], "springs": [1.0], "springs_to_ground": [ARRESTOR | {"mass": 1}]}
     with pytest.raises(ScenarioError, match="leave out the shock arrestor a"):
