@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import beamsim
+from beamsim.contacts.rings import ring_table
 from beamsim.errors import ScenarioError
 from beamsim.scenario import load_scenario
 
@@ -137,6 +138,44 @@ def test_friction_along_the_wall_holds_a_steady_whirl_back() -> None:
     assert rings["friction_force"].values[late].mean() == pytest.approx(coefficient * pressed, rel=0.02)
     assert rings["work_rate"].item() == pytest.approx(pressed * omega * radius, rel=0.03)
     assert rings["friction_energy"].item() / 0.04 == pytest.approx(coefficient * pressed * omega * radius, rel=0.06)
+    assert result.summary["energy_error"] < 1e-10
+
+
+def test_friction_along_the_axis_is_limited_by_the_forces_of_the_sides() -> None:
+    # pressed steadily against the wall and pushed along the axis, a tip loses the limit times the way that it slides
+    coefficient, gap, largest, sides = 0.2, 2e-4, 4e-5, 12
+    frame = {
+        "kind": "frame", "nodes": {"wall": [0, 0, 0], "tip": [0, 0, 1.0]},
+        "sections": {"tube": {"section": {"kind": "tube", "outer_diameter": 0.016, "wall_thickness": 1e-3},
+                              "youngs_modulus": 2e11, "density": 7850.0}},
+        "members": {"arm": {"nodes": ["wall", "tip"]}}, "supports": {"wall": "clamped"},
+        "damping": {"kind": "modal", "ratio": 0.05},
+    }  # fmt: skip
+    ring = {
+        "name": "ring", "kind": "ring", "node": "tip", "axis": "x", "gap": gap, "stiffness": 1e6, "sides": sides,
+        "offset": [-gap, 0.0], "largest_penetration": largest,
+        "friction": {"coefficient": coefficient, "stiffness": 1e7, "along_axis": True},
+    }  # fmt: skip
+    case = {
+        "bodies": {"pipe": frame}, "snubbers": [ring], "reduction": {"modes": 4},
+        "probes": [{"name": "tip", "at": {"node": "tip", "direction": "x"}}],
+        "constant_forces": [{"at": {"node": "tip", "direction": "y"}, "force": 40.0}],
+        "excitation": {"kind": "half_sine", "applied_to": {"node": "tip", "direction": "x"}, "level": 30.0,
+                       "duration": 0.02},
+        "run": {"duration": 0.02, "sample_rate": 2e4, "convergence": "off"},
+    }  # fmt: skip
+    result = beamsim.run(case)
+    rings, way = result["rings"].sel(ring="ring"), result["histories"]["displacement"].sel(probe="tip").values
+    pressed = rings["force"].values
+    np.testing.assert_allclose(pressed, pressed[0], rtol=1e-8)  # the axis is perpendicular to the plane of the ring
+    table = ring_table(sides, largest / gap)
+    knots, slopes = gap * np.array(table.knots), 1e6 * np.array(table.slopes)
+    depth = rings["first_position"].values[0] * np.cos(2 * np.pi * np.arange(sides) / sides) - gap
+    steps = np.diff(slopes, prepend=0.0)
+    forces = (steps[:, None] * np.maximum(depth - knots[:, None], 0.0)).sum(axis=0)
+    assert forces @ np.cos(2 * np.pi * np.arange(sides) / sides) == pytest.approx(pressed[0], rel=1e-6)
+    slid = np.abs(np.diff(way)).sum()
+    assert rings["friction_energy"].item() == pytest.approx(coefficient * forces.sum() * slid, rel=0.01)
     assert result.summary["energy_error"] < 1e-10
 
 
