@@ -245,7 +245,7 @@ def _types(annotation: Any, metadata: Iterable[Any], indices: Path) -> Iterator[
     """Yield the types that read a value, or the number at these indices of it."""
     yield from (item for item in metadata if isinstance(item, FieldType))
     parts = get_args(annotation)
-    if get_origin(annotation) is Mapping:
+    if get_origin(annotation) in (dict, Mapping):
         parts, indices = parts[1:], indices[1:]
     if get_origin(annotation) is tuple:
         first, indices = indices[:1], indices[1:]

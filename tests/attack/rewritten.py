@@ -244,6 +244,8 @@ def positions(tree):
             continue
         name = next((name for name, (at, _) in bodies.items() if path[: len(at)] == at), None)
         body = bodies[name or body_beside(tree, path) or only][1]
+        if body.get("kind") == "frame":  # a place on a member
+            continue
         second = words[-1] == "y" or (path[-1] == 1 and words[-1] not in ("x", "line", "nodes"))
         yield path, float(body["width" if second else "length"]), int(second)
 

@@ -34,14 +34,28 @@ def _peak_force(facts, found, name, text):
         yield from _largest_of_curve(facts, name, text, (entry, "peak_force", "snubber", unit))
     elif facts.kind == "coexisting":
         yield from of_motion(facts, name, text, (entry, "peak_force", "snubber", unit))
+    elif name in facts.summary.get("rings", {}):
+        value = facts.summary["peak_ring_force_n"][name]
+        yield from cell(facts, text, value, "N", ("peak_ring_force_n", name))
+        samples = facts.row("rings/force", "rings/ring", name)
+        if samples.max() > 1.01 * value:  # the peak is the largest of many directions, which is lower by up to 1 %
+            yield f"the history of {name} reaches {samples.max():.6g}"
     else:
         value = facts.summary[entry][name]
         yield from cell(facts, text, value, unit, (entry, name))
         yield from exceeded_by_history(facts, "snubber_force", "snubber", name, (-math.inf, value))
 
 
+@rule("heading", "penetration")
+def _penetration(facts, found, name, text):
+    yield from cell(facts, text, facts.summary["ring_penetration_m"][name], "m", ("ring_penetration_m", name))
+
+
 @rule("heading", "in contact, times")
 def _contact(facts, found, name, text):
+    if name in facts.summary.get("rings", {}):
+        yield from differs(facts, text, facts.summary["rings"][name]["contact_share"], "1")
+        return
     share, times = text.split(", ")
     share, mark = split_mark(share)
     yield from differs(facts, share, facts.summary["contact_share"][name], "1")
