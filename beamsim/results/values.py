@@ -287,7 +287,8 @@ LIMITED = {value.limit: value for value in (*VALUES, *SHIFTS) if value.limit}
 MAIN_ENTRIES = frozenset(
     value.entry
     for value in VALUES
-    if value.from_extreme is not None and value.section in ("probes", "snubbers", "springs", "friction", "outputs")
+    if value.from_extreme is not None
+    and value.section in ("probes", "snubbers", "springs", "friction", "rings", "outputs")
 ) | {"frequency_hz", "peak_frequency_hz"}  # of modes and of peaks, which analyses of frequencies are asked for
 """Entries of displacements, accelerations, forces and outputs."""
 NATURAL_FREQUENCIES = ("open_frequencies_hz", "closed_frequencies_hz")
