@@ -1,7 +1,8 @@
 """Cost of rings by number of sides and of rings, and a published tube with rings in place of pairs of stops.
 
 ``python -m benchmarks.rings cost`` prints processor times of the march; ``python -m benchmarks.rings tube`` computes
-SDNL301A of code_aster (a tube in four supports) with its loads at an angle, once with pairs of stops in one plane.
+SDNL301A of code_aster (a tube in four supports) with its loads at an angle, once with pairs of stops in one plane;
+``python -m benchmarks.rings pipe`` shakes a frame of 3,018 degrees of freedom in up to 20 rings along three axes.
 """
 
 from __future__ import annotations
@@ -64,6 +65,63 @@ def cost() -> None:
         )
 
 
+PIPES = ((1, 2.0), (5, 1.0), (20, 0.5))
+"""Numbers of rings, and duration, s."""
+
+
+def pipe(rings: int, duration: float) -> dict[str, Any]:
+    """A pipe on hangers, whose base moves at random along three axes, in rings of 24 sides at some of its 20 guides."""
+    names = ["start", *[f"guide_{k}" for k in range(1, 21)], "end"]
+    section = {
+        "section": {"kind": "tube", "outer_diameter": 60.3e-3, "wall_thickness": 2.9e-3},
+        "youngs_modulus": 2e11, "density": 7850, "added_mass_per_length": 2.3,
+    }  # fmt: skip
+    frame = {
+        "kind": "frame", "nodes": {name: [1.5 * k, 0, 0] for k, name in enumerate(names)},
+        "sections": {"dn50": section}, "elements": 24,
+        "members": {f"span_{k}": {"nodes": list(names[k : k + 2])} for k in range(21)},
+        "supports": {n: "clamped" if n in ("start", "end") else {"stiffness": {"y": 2e4, "z": 2e4}} for n in names},
+        "damping": {"kind": "modal", "ratio": 0.03},
+    }  # fmt: skip
+    ring = {"kind": "ring", "axis": "x", "gap": 2e-3, "stiffness": 2e6, "sides": 24, "largest_penetration": 1e-3}
+    guides = [int(20 * (k + 0.5) / rings + 0.5) for k in range(rings)]
+    noise = [
+        {"kind": "random", "applied_to": "base", "direction": direction,
+         "psd": [{"frequency": f, "density": f"{rms**2 / 31.0} g^2/Hz"} for f in (2.0, 33.0)]}
+        for direction, rms in (("x", 0.3), ("y", 0.3), ("z", 0.2))
+    ]  # fmt: skip
+    return {
+        "bodies": {"pipe": frame}, "reduction": {"modes": 60},
+        "snubbers": [ring | {"name": f"ring_{k}", "node": f"guide_{k}"} for k in guides],
+        "excitation": {"kind": "forces", "forces": noise},
+        "probes": [{"name": "middle", "at": {"node": "guide_10", "direction": "z"}}],
+        "run": {"duration": duration, "sample_rate": 1e3, "convergence": "off", "start": "rest"},
+    }  # fmt: skip
+
+
+def shaken_pipe() -> None:
+    """Print what takes the processor time of `PIPES`: the model, its motion, and all that a run adds."""
+    for rings, duration in PIPES:
+        begin = time.process_time()
+        scenario = load_scenario(pipe(rings, duration))
+        system = build_system(scenario)
+        built = time.process_time()
+        assert scenario.run is not None
+        march, _ = motion_in_chunks(system, scenario.run)
+        for _ in march.chunks():
+            pass
+        marched = time.process_time()
+        result = beamsim.run(scenario)
+        ended = time.process_time()
+        print(
+            f"{rings} rings, {duration:g} s: built in {built - begin:.2f} s, march {marched - built:.2f} s with "
+            f"{march.event_time.size} events, {march.states} contact states and {march.evaluations} evaluations; the "
+            f"run takes {(ended - marched) / (marched - built):.2f} marches; energy error "
+            f"{result.summary['energy_error']:.1e}",
+            *result.warnings, sep="\n  ", flush=True,
+        )  # fmt: skip
+
+
 def tube_in_rings(angle: float, sides: int) -> dict[str, float]:
     """Forces of the rings of SDNL301A, N (rms from 0.17 to 0.25 s), under loads at an angle, rad."""
     section = {"kind": "tube", "outer_diameter": 15.9e-3, "wall_thickness": 1.15e-3}
@@ -103,5 +161,7 @@ if __name__ == "__main__":
         print("pairs", tube())
         for turn, count in ((0.0, 48), (0.4, 48)):
             print(f"rings of {count} sides, loads at {turn} rad", tube_in_rings(turn, count), flush=True)
+    elif sys.argv[1:] == ["pipe"]:
+        shaken_pipe()
     else:
         cost()
