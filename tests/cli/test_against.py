@@ -243,7 +243,7 @@ def test_every_shipped_run_agrees_with_the_reference(path):
     for periods in (25, 50, 100, 200):
         result = result if result.summary["solver_events"] >= 2 else run(periods)
     result = result if result.summary["solver_events"] else first
-    compared = compare_with_reference(result, 1e-10).summary["against"]
+    compared = compare_with_reference(result, 1e-11).summary["against"]  # its own error grows where speeds decide
     assert compared["agrees_until_s"] == result.scenario.run.duration
     assert compared["largest_state_difference"] < 1e-8
     for figure, place, of in figures_of(compared):
