@@ -16,7 +16,8 @@ import numpy as np
 
 import beamsim
 from beamsim.analyses.run.motion import motion_in_chunks
-from beamsim.scenario import load_scenario
+from beamsim.flow.transient import MotionInChunks
+from beamsim.scenario import Scenario, load_scenario
 from beamsim.system.build import build_system
 from benchmarks.published_cases import GAP, SPAN, TUBE, tube
 
@@ -46,20 +47,25 @@ def discs(rings: int, sides: int) -> dict[str, Any]:
     }
 
 
+def marched(scenario: Scenario) -> tuple[MotionInChunks, float, float]:
+    """The whole motion of a case, and processor times of its model and of the march, s."""
+    begin = time.process_time()
+    system = build_system(scenario)
+    built = time.process_time()
+    assert scenario.run is not None
+    march, _ = motion_in_chunks(system, scenario.run)
+    for _ in march.chunks():
+        pass
+    return march, built - begin, time.process_time() - built
+
+
 def cost() -> None:
     """Print processor times for `SIZES`."""
     for rings, sides in SIZES:
-        begin = time.process_time()
-        scenario = load_scenario(discs(rings, sides))
-        system = build_system(scenario)
-        built = time.process_time()
-        assert scenario.run is not None
-        march, _ = motion_in_chunks(system, scenario.run)
-        for _ in march.chunks():
-            pass
-        seconds, events = time.process_time() - built, max(march.event_time.size, 1)
+        march, building, seconds = marched(load_scenario(discs(rings, sides)))
+        events = max(march.event_time.size, 1)
         print(
-            f"{rings} rings of {sides} sides: built in {built - begin:.2f} s, {events} events, {march.states} contact "
+            f"{rings} rings of {sides} sides: built in {building:.2f} s, {events} events, {march.states} contact "
             f"states, {march.evaluations} evaluations, {1e3 * seconds / events:.2f} ms an event",
             flush=True,
         )
@@ -102,21 +108,15 @@ def pipe(rings: int, duration: float) -> dict[str, Any]:
 def shaken_pipe() -> None:
     """Print what takes the processor time of `PIPES`: the model, its motion, and all that a run adds."""
     for rings, duration in PIPES:
-        begin = time.process_time()
         scenario = load_scenario(pipe(rings, duration))
-        system = build_system(scenario)
-        built = time.process_time()
-        assert scenario.run is not None
-        march, _ = motion_in_chunks(system, scenario.run)
-        for _ in march.chunks():
-            pass
-        marched = time.process_time()
+        march, building, seconds = marched(scenario)
+        begin = time.process_time()
         result = beamsim.run(scenario)
-        ended = time.process_time()
+        marches = (time.process_time() - begin) / seconds
         print(
-            f"{rings} rings, {duration:g} s: built in {built - begin:.2f} s, march {marched - built:.2f} s with "
+            f"{rings} rings, {duration:g} s: built in {building:.2f} s, march {seconds:.2f} s with "
             f"{march.event_time.size} events, {march.states} contact states and {march.evaluations} evaluations; the "
-            f"run takes {(ended - marched) / (marched - built):.2f} marches; energy error "
+            f"run takes {marches:.2f} marches; energy error "
             f"{result.summary['energy_error']:.1e}",
             *result.warnings, sep="\n  ", flush=True,
         )  # fmt: skip
